@@ -25,7 +25,7 @@
 
 typedef struct { double spin_time, k_steer, w_steer, k_integral, spin_accel; } Steering;
 typedef struct {
-    double carried, t; /* carried: 1 from the first active sample on; t: t_a */
+    double carried, t; /* carried: 1 from the first active sample on, which sets q_DN; t: t_a */
     quat q_DN;
     double turns, spin; /* turns: 1 from t_a on; spin: T_s */
     vec3 b_D;
@@ -37,9 +37,9 @@ typedef struct {
 } CarriedMotion;
 typedef struct { double L, d, dd; } Radius;
 
-/* attitude D of the first sample: the rows of C_DN are X, Z x X, Z, with X towards the target and Z
- * along the part of the Z axis of S that is normal to X; if these are almost parallel, the Y axis
- * of S is used in its place */
+/* attitude q_DN at the first sample: the rows of C_DN are X, Z x X, Z, with X towards the target
+ * and Z along the part of the Z axis of S that is normal to X. If X and the Z axis of S are almost
+ * parallel, the Y axis of S is used in place of the Z axis. rho: servicer relative to target */
 static inline quat carried_start(vec3 rho, mat3 C_SN)
 {
     vec3 X = neg(unit(rho)), z = C_SN.row[2];
@@ -48,8 +48,8 @@ static inline quat carried_start(vec3 rho, mat3 C_SN)
     return quat_of_dcm(rows(X, cross(Z, X), Z));
 }
 
-/* c = n x a, the rotation that brings n to the grasp axis a; for n opposite to a, a small
- * rotation about Z_D */
+/* c = n x a, about which D turns to bring n to the grasp axis a; for n almost opposite to a, where
+ * n x a vanishes, a small vector along Z_D, so that D leaves this attitude */
 static inline vec3 rotation_to_axis(mat3 C_DN, vec3 n, vec3 a)
 {
     vec3 c = cross(n, a);
@@ -109,8 +109,8 @@ static inline vec3 integrated_steering(const Steering *p, vec3 b_D, vec3 db_D, d
     return size > p->w_steer ? scale(p->w_steer / size, b) : b;
 }
 
-/* reference position rho = L n and its derivatives, for a direction n that is fixed in D; L: range,
- * r.d and r.dd: its derivatives */
+/* reference position rho = L n and its derivatives, for a direction n that is fixed in D; r: range
+ * L and its derivatives d = dL/dt and dd = d2L/dt2 */
 static inline Motion carried_position(Radius r, vec3 n, AngularMotion D)
 {
     vec3 dn = cross(D.w, n), ddn = add(cross(D.dw, n), cross(D.w, dn));

@@ -80,13 +80,14 @@ static inline void tumble_over_node(const Inertia *i, double dt, double longest,
 /* ---- start from the last solve, (23) ---- */
 typedef struct { double t, dt; } Grid; /* start [s], length of each of its nodes (intervals) [s] */
 
-/* place of node k of a new grid on an old grid, for linear interpolation in time; `at`: instant to
- * which a value belongs, as a fraction of its node: 1/2 for accelerations, 1 for states */
+/* place of a value on a grid, for linear interpolation in time */
 typedef struct {
     int left;
     double part;
 } Place; /* node on the left, and fraction of the way to the next node */
 
+/* place on the old grid of a value of node k of the new grid; `at`: instant to which the value
+ * belongs, as a fraction of its node (interval): 1/2 for accelerations, 1 for states */
 static inline Place place_on(Grid old, Grid new, int k, double at)
 {
     double s = ((new.t - old.t) + (k + at) * new.dt) / old.dt - at;
@@ -131,7 +132,7 @@ static inline void start_from_last(Iterates *it, Grid old, Grid new)
     move_path(it->p, old, new, horizon * horizon);
 }
 
-/* ---- first path to a goal ---- */
+/* ---- path with which the first solve for a goal starts ---- */
 
 /* point at the fraction `part` of the way from a to b: on a straight line or, with is_arc, on an
  * arc about the target, on which direction and range change at constant rates */

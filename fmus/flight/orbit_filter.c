@@ -61,16 +61,17 @@ static const Variable variables[] = {
     PARAMETER(r_0_N, "m", "position at the start in N axes, used if parameter a = 0"),
     PARAMETER(v_0_N, "m/s", "velocity at the start in N axes, used if parameter a = 0"),
     PARAMETER(rho_0_H, "m",
-              "position at the start relative to the orbit, Hill axes, used if parameter a > 0"),
+              "start position relative to the start point of the orbit, Hill axes, used if "
+              "parameter a > 0"),
     PARAMETER(drho_0_H, "m/s",
-              "velocity at the start relative to the orbit as seen in H, used if "
+              "start velocity relative to the start point of the orbit, as seen in H, used if "
               "parameter a > 0"),
     GRID(sample_period, "sample period of the software"),
     SWITCH(use_J2, "1: the software models the oblateness of the planet"),
     POSITIVE(mass_hat, "kg", "mass of the servicer as known to the software"),
     NONNEGATIVE(sigma_a, "1", "density of white acceleration noise, per axis, in m/s^1.5"),
-    NONNEGATIVE(sigma_fix_r, "m", "noise of the position, per axis"),
-    NONNEGATIVE(sigma_fix_v, "m/s", "noise of the velocity, per axis"),
+    NONNEGATIVE(sigma_fix_r, "m", "standard deviation of the position noise of a fix, per axis"),
+    NONNEGATIVE(sigma_fix_v, "m/s", "standard deviation of the velocity noise of a fix, per axis"),
     NONNEGATIVE(sigma_r_0, "m", "standard deviation of the position at the start, per axis"),
     NONNEGATIVE(sigma_v_0, "m/s", "standard deviation of the velocity at the start, per axis"),
     GATE_ROWS(gate),
@@ -89,7 +90,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(fix_nis, "1", "normalised innovation squared of the last fix"),
     NONNEGATIVE_OUTPUT(fix_rejected, "1", "fixes rejected since the start"),
     OUTPUT(fix_age, "s", "time since the last fix used"),
-    FLAG(orbit_valid, "1: acquired, and fix_age is at most age_max"),
+    FLAG(orbit_valid, "1: the estimate is acquired, and fix_age is at most age_max"),
 };
 
 /* F.5-7 */

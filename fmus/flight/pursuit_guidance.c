@@ -79,24 +79,25 @@ static const Variable variables[] = {
     POSITIVE(k_q, "1/s", "gain from the transition quaternion q_DS to the required rate"),
     NONNEGATIVE(omega_max, "rad/s", "largest required rate; 0 = no limit"),
     NONNEGATIVE(zeta1, "m", "required range"),
-    NONNEGATIVE(zeta2, "m", "scalar law: range up to which the required speed is the target's"),
-    NONNEGATIVE(zhys, "m", "scalar law: hysteresis about zeta1"),
-    SWITCH(text_speed, "scalar law within zeta1: 0 half (formula of the paper), 1 full target "
-                       "speed (its text)"),
+    NONNEGATIVE(zeta2, "m", "if law = 0: range up to which the required speed is the target's"),
+    NONNEGATIVE(zhys, "m", "if law = 0: half width of the hysteresis about range zeta1"),
+    SWITCH(text_speed, "if law = 0, range zeta2 to zeta1: 0 half the target's speed (paper's "
+                       "formula), 1 full (its text)"),
     NONNEGATIVE(v_close, "m/s",
-                "vector law: largest closing speed, half to move away; 0: limited by the "
-                "target's speed"),
-    NONNEGATIVE(k_r, "1/s", "vector law: gain from range error to closing speed"),
-    NONNEGATIVE(rho1, "m/s", "vector law: velocity error below which align returns to coast"),
-    POSITIVE(rho2, "m/s", "vector law: velocity error from which a burn is prepared"),
-    POSITIVE(alpha_fire, "rad", "vector law: largest pointing error at ignition"),
-    POSITIVE(omega_fire, "rad/s", "vector law: ignition below this angular rate"),
-    NONNEGATIVE(t_burn_min, "s", "vector law: a burn lasts longer than this time"),
+                "if law = 1: limit of the closing speed (half to move away); 0: the target's speed "
+                "sets it"),
+    NONNEGATIVE(k_r, "1/s", "if law = 1: gain from range error to closing speed"),
+    NONNEGATIVE(rho1, "m/s", "if law = 1: velocity error below which mode align returns to coast"),
+    POSITIVE(rho2, "m/s", "if law = 1: velocity error from which mode coast changes to align"),
+    POSITIVE(alpha_fire, "rad", "if law = 1: largest pointing error at ignition"),
+    POSITIVE(omega_fire, "rad/s", "if law = 1: ignition below this angular rate of the servicer"),
+    NONNEGATIVE(t_burn_min, "s", "if law = 1: a burn lasts longer than this time"),
     POSITIVE(main_thrust, "N",
-             "vector law: nominal thrust along +X; the engine burns if more than 1 % is required"),
+             "if law = 1: nominal thrust along +X; the engine burns if F_S along X is above 1 % of "
+             "this"),
     POSITIVE(brake_thrust, "N",
-             "vector law: nominal thrust of all brakes along -X; they burn if more than 1 % is "
-             "required"),
+             "if law = 1: nominal thrust of all brakes; they burn if F_S along -X is above 1 % of "
+             "this"),
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
     NONNEGATIVE(frame_radius, "m",
                 "if mu > 0, the target's speed is relative to a point on a circular orbit "
@@ -111,12 +112,13 @@ static const Variable variables[] = {
 
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     FLAG(translate, "1: translational thrust permitted"),
-    MODE(mode, "mode of the thrust; scalar law: always 2", "coast|align|burn"),
+    MODE(mode, "mode of the thrust; always burn if law = 0", "coast|align|burn"),
     NONNEGATIVE_OUTPUT(range, "m", "distance between the centres of mass"),
     OUTPUT(q_DS, "1",
            "transition quaternion from the present to the required attitude, scalar first"),
     OUTPUT(e_v_N, "m/s", "required minus present velocity, N axes"),
-    OUTPUT(v_req, "m/s", "required speed: along X (scalar law), of closing (vector law)"),
+    OUTPUT(v_req, "m/s",
+           "required speed along X (if law = 0); required closing speed (if law = 1)"),
     ANGLE_OUTPUT(pointing_angle,
                  "angle between the X axis of the servicer and the direction to the target"),
 };
@@ -134,7 +136,8 @@ static void check(const Parameters *p, Problems *problems)
         reject(problems, "frame_radius", 0, "must be > 0 when mu > 0 and v_close = 0");
 }
 
-/* velocity of the frame of the law: n R [-sin nt, cos nt, 0], n^2 = mu/R^3 */
+/* velocity of the frame of the law: n R [-sin nt, cos nt, 0], n^2 = mu/R^3, R = frame_radius; 0 if
+ * mu or R is 0 */
 static vec3 frame_velocity(const Parameters *p, double t)
 {
     if (p->mu == 0 || p->frame_radius == 0) return vec(0, 0, 0);
@@ -151,9 +154,9 @@ static vec3 direction(vec3 a, vec3 otherwise) /* unit vector of a; `otherwise` i
 
 /* ---- attitude ---- */
 
-/* B.4.1: quaternion from S to the required axes, which are the rows of A, in N axes. q = sin g,
- * with the angle g from x of N to d; cb, sb: cosine and sine of the angle b from the xy plane of N
- * to the plane of x and d. */
+/* B.4.1: quaternion from S to the required attitude D. The rows of A are the axes of D in N
+ * components. q = sin g, with the angle g from x of N to d; cb, sb: cosine and sine of the angle b
+ * from the xy plane of N to the plane of x and d. */
 static quat two_turns(quat q_SN, vec3 d)
 {
     double q = sqrt(d.y * d.y + d.z * d.z), cb = q > 0 ? d.y / q : 1, sb = q > 0 ? d.z / q : 0;
@@ -161,9 +164,9 @@ static quat two_turns(quat q_SN, vec3 d)
     return canonical(product(conjugate(q_SN), quat_of_dcm(A))); /* half a turn: L1 > 0 */
 }
 
-/* B.4.2: quaternion of the rotation that turns X to d, whose S components are b: [c, 0, -b3/(2c),
- * b2/(2c)], c = sqrt((1 + b1)/2); for b = -X half a turn about Y. 1 + b1 loses digits for b1 near
- * -1: if b1 < 0, c = s/(2k) with the sine k of half the angle and s = |(b2, b3)|. */
+/* B.4.2: quaternion [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2), of the rotation that turns X
+ * to d; b: d in S components. If b is -X, it is half a turn about Y. Because 1 + b1 loses digits
+ * near b1 = -1, c = s/(2k) if b1 < 0, with the sine k of half the angle and s = |(b2, b3)|. */
 /* B.4-1 */
 static quat shortest_arc(quat q_SN, vec3 d)
 {
@@ -207,7 +210,8 @@ static double scalar_speed(const Parameters *p, State *x, double range, double v
     return range <= p->zeta2 || p->text_speed ? v_T : 0.5 * v_T;
 }
 
-/* B.4.5: true if engines burn: by the last command of the controller, or by the thruster force */
+/* B.4.5: true if the controller commands a translational engine, or the force of the thrusters
+ * along X or -X is above 1 % of the nominal thrust */
 /* B.4-5 */
 static int is_burning(const Parameters *p, const Input *u)
 {
@@ -227,7 +231,7 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
     if (x->mode == ALIGN && error < p->rho1) x->mode = COAST;
     if (x->mode == ALIGN) {
         d = scale(1 / error, e_v);
-        if (dot(d, X) < -0.01) d = neg(d); /* turn X backwards to brake */
+        if (dot(d, X) < -0.01) d = neg(d); /* the brakes push along -X */
         if (dot(d, X) > cosine(p->alpha_fire) && norm(u->S.omega) < p->omega_fire) {
             x->mode = BURN;
             x->t_burn = t;

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims about the arm in two groups: two claims of the paper about the synchronised approach, on
-what an arm can do after this approach, and results of an independent simulation of the laws of
-arm_capture.
+"""Claims about the arm in two groups. The claims of the first group are from the paper on the
+synchronised approach, and concern the grasp by an arm after this approach. The claims of the
+second group are results of an independent simulation of the control laws of arm_capture.
 """
 
 from __future__ import annotations
@@ -81,9 +81,9 @@ def reaching(result: Result) -> Array:
 
 
 def within_reach(result: Result) -> tuple[float, ...]:
-    """Return three values: the largest distance of the fixture from the second joint of the arm
-    before the grip, divided by the length of the arm from that joint; this distance and this length
-    [m].
+    """Return three values for the time before the grip: the ratio of the next two, the largest
+    distance of the fixture from the second joint of the arm [m], and the length of the arm from
+    that joint on [m].
     """
     arm, rows = arm_of(result), reaching(result)
     length = float(np.linalg.norm([*arm.offset[2:], arm.tip], axis=1).sum())
@@ -98,14 +98,14 @@ def at_any_time(result: Result) -> tuple[float, ...]:
     """
     rows = reaching(result)
     if rows.sum() < 3:
-        raise NotExercisedError("the arm is deployed for fewer than 3 rows")
+        raise NotExercisedError("fewer than 3 rows from the first motion of the arm to the grip")
     v = np.gradient(fixture(result)[rows], result.time[rows], axis=0)
     speed = np.linalg.norm(v, axis=1)
     return float(np.mean(speed <= float(result.parameter(SPEED)))), float(speed.max())
 
 
 APPROACH = Paper(
-    title="Synchronised approach: what the paper leaves to the arm",
+    title="Synchronised approach: claims of the paper about a grasp by an arm",
     needs=(MODE, GRIP, *BODIES),
     parameters=(*ARM, FIXTURE, SPEED),
     meant=lambda result: bool((result[MODE] >= DEPLOY).any()),
@@ -164,7 +164,7 @@ def tip_largest(result: Result) -> tuple[float, ...]:
     """Return the largest position error of the end effector E in the modes ALIGN and CLOSE [mm]."""
     rows = during(result, ALIGN, CLOSE)
     if not rows.any():
-        raise NotExercisedError("the arm never follows the fixture")
+        raise NotExercisedError("the arm is never in mode ALIGN or CLOSE")
     return (1e3 * largest(result[TIP][rows]),)
 
 
@@ -174,7 +174,7 @@ def tip_late(result: Result) -> tuple[float, ...]:
     """
     rows = late(result)
     if not rows.any():
-        raise NotExercisedError("the arm never closes")
+        raise NotExercisedError("the arm has no row in the second half of the mode CLOSE")
     return (1e3 * rms(result[TIP][rows]),)
 
 
@@ -189,7 +189,7 @@ def locked_after(result: Result) -> tuple[float, ...]:
     time = _once(result, GRIP, "grip")
     braked = (result[LOCK][:, 0] == 1) & during(result, REST) & (result.time >= time)
     if not braked.any():
-        raise NotExercisedError("the brakes never close")
+        raise NotExercisedError("the joint brakes do not close after the grip")
     return (float(result.time[braked][0]) - time,)
 
 

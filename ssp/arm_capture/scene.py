@@ -59,8 +59,8 @@ def events(result: Result) -> list[Data]:
 
 
 def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
-    """Return the parts and values that the replay adds to an approach: arm, fixture, modes, errors;
-    None for a result without an arm.
+    """Return the parts and values that a capture by arm adds to the replay of an approach: arm,
+    fixture, modes, errors; None for a result without an arm.
     """
     paths = (name for _, *names in PATHS for name in names)
     shown = (MODE, *(name for name, *_ in SHOWN))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission of an approach to a target, extended by a mission's own parts."""
+"""Figures, metrics and other parts that all missions with an approach to a target share."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ FURTHER = (
 )
 """Figures that need certain components: actuators, controllers, sensors, monitor."""
 IDLE = (LEAST, *(rule.history for rule in RULES), filtering.BARRIER, filtering.LEAST)
-"""Variables with margins and barrier values. Their value RESTING means that the rule does not
-apply, and is not drawn.
+"""Variables with margins and barrier values. Where a variable has the value RESTING, its rule does
+not apply, and figures do not draw the value.
 """
 
 

@@ -62,8 +62,8 @@ def findings(result: Result) -> Iterator[RuleFinding]:
 
 
 def least_margin(result: Result, name: str) -> float:
-    """Return the least margin of a rule since the start, in its unit; NaN if it was not in
-    force.
+    """Return the least margin of a rule since the start, in the unit of the rule; NaN if the rule
+    was not in force.
     """
     return next((f.margin for f in findings(result) if f.name == name), float("nan"))
 

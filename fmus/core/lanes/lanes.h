@@ -4,8 +4,8 @@
  * build/lanes.py includes this header before a model. Every operation on a vector is the operation
  * of C on each of its doubles, so that a lane has the same bits as its run alone. A comparison
  * gives a Mask. Where the program must know one answer, as in `if`, all lanes must agree. If they
- * do not, the step of the component splits: it is left, and repeated for the lanes of each answer,
- * see step_in_lanes(). */
+ * do not, the step of the component splits: its execution ends there, and the step is repeated once
+ * for the lanes in which the answer is true and once for the other lanes, see step_in_lanes(). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef LANES_H
 #define LANES_H
@@ -57,10 +57,10 @@ typedef int64_t Answers __attribute__((vector_size(8 * WIDTH))); /* per lane -1:
 struct Split {
     jmp_buf place; /* where split() returns to: in performed(), before the call of the function */
     int answer;    /* bits of the active lanes in which the answer is true */
-    Split *outer;  /* Split that was present before this one */
+    Split *outer;  /* Split of the enclosing call of performed() */
 };
-inline Split *present; /* Split of the function that is being performed */
-inline jmp_buf again;  /* place in runs.h that repeats macro steps, see step_in_lanes() */
+inline Split *present; /* Split of the innermost running call of performed() */
+inline jmp_buf again; /* place in runs.h from which macro steps are repeated, see step_in_lanes() */
 inline int active = (1 << WIDTH) - 1; /* bits of the lanes that are computed */
 
 [[noreturn]] __attribute__((noinline, cold)) inline void split(int answer)
@@ -582,12 +582,13 @@ template <class F, class... X> void perform_for(int some, const F &function, X *
     ((*x = blend(answers_of(some), *x, std::get<X>(before))), ...);
 }
 
-/* pointer to a single struct, not into an array, so that the struct can be saved and blended: a
- * model declares single_object() for its State and its Output */
+/* type of pointers that point to one struct, never into an array, so that perform_for() can save
+ * and blend this struct: a model declares single_object() for pointers to its State and to its
+ * Output */
 template <class T>
 concept Single = requires(T pointer) { single_object(pointer); };
-/* argument through which a function cannot write: a number, vectors, or a pointer to constant
- * vectors */
+/* type of arguments through which a function cannot write: a number, a value that consists of
+ * vectors, or a pointer to such a value that is constant */
 template <class T>
 concept NotWritten = Number<T> || is_blended<T>() ||
                      (std::is_pointer_v<T> && std::is_const_v<std::remove_pointer_t<T>> &&
@@ -599,7 +600,8 @@ template <class T> INLINE auto written(T argument)
     else return std::tuple<T>(argument);
 }
 
-/* if (c) function(arguments); for the lanes in which c is true */
+/* `if (c) function(arguments);` of a model: performs the function for the lanes in which c is true;
+ * `arguments` serve to find what the function writes */
 template <class C, class F, class... T> INLINE void where(C c, const F &function, T... arguments)
 {
     if constexpr (Answer<C> && ((NotWritten<T> || Single<T>) && ...)) {
@@ -611,10 +613,11 @@ template <class C, class F, class... T> INLINE void where(C c, const F &function
     } else if (c) function();
 }
 
-/* Performs a step of a component in all lanes. Saving the states and outputs of a component often
- * takes longer than its step, so they are saved before each step only after the first split of the
- * component. At the first split, runs.h restores the memory of the system that it has saved and
- * repeats the macro steps made since then. */
+/* Performs a step of a component in all lanes. x: its state; y: its output; splits: 0
+ * until one of its steps splits, then a count of the splits. Saving x and y often takes longer than
+ * the step, so they are saved before each step only after the first split. At the first split,
+ * runs.h restores the memory of the whole system from its last copy and repeats the macro steps
+ * made since that copy. */
 template <class X, class Y>
 void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *splits)
 {

@@ -73,7 +73,8 @@ static void discard(Client *c, size_t count)
     c->buffered -= count;
 }
 
-/* true if magic or CRC are valid only with the bytes in reversed order */
+/* true if a frame begins at `bytes` whose magic number or CRC is valid only in the reversed byte
+ * order, that is, if the board is big-endian */
 static bool is_reversed(const unsigned char *bytes, size_t count)
 {
     static const unsigned char reversed_magic[4] = {'K', 'N', 'L', 'S'};
@@ -224,15 +225,16 @@ static unsigned read_description(Client *c, Description *d)
     return status;
 }
 
-/* finds the slot of the component on the board: the configured one, or the first with the right
- * guid */
+/* finds the slot of the component on the board: the slot given in link.txt or, without one, the
+ * first slot with the guid of this FMU; false: the guid differs, or a request failed */
 static bool find_component(Client *c)
 {
     Description d = {.components = 1};
     size_t first = c->config.slot >= 0 ? (size_t)c->config.slot : 0;
     for (size_t i = first; i < d.components || i == first; i++) {
         c->slot = (uint8_t)i;
-        /* number before the first request: another one than in earlier sessions */
+        /* the clock sets the number before the first request, so that it differs from the numbers
+         * in earlier sessions */
         c->sequence = (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28);
         if (read_description(c, &d) > 1) return false;
         if (strcmp(d.guid, c->config.guid) == 0) return true;

@@ -1,5 +1,5 @@
-/* link_entries.c - values of a component that are known in the simulation, and their lists in
- * requests. A list consists of runs: groups of neighbouring value references. */
+/* link_entries.c - values of a component that the master has set or read, and their lists in
+ * requests. A list consists of runs: groups of values of one type with consecutive references. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 
@@ -39,8 +39,8 @@ bool any_entry(const Link *l, EntryFilter *filter)
     return false;
 }
 
-/* length of the next group of entries with consecutive references that the filter selects, from
- * index *at on; 0: there is none */
+/* length of the next run of entries that the filter selects, searched from index *at on; sets *at
+ * to the first entry of the run; 0: there is none */
 static size_t next_run(const Link *l, EntryFilter *filter, size_t *at)
 {
     while (*at < l->entries && !filter(&l->entry[*at])) ++*at;

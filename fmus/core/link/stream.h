@@ -11,10 +11,10 @@
 enum { REASON_SIZE = 1600 };
 
 typedef struct {
-    int in, out;              /* file descriptors; equal for sockets and serial lines */
-    int life, lock;           /* emulator: pipe `life`, lock file (processor.c); -1: none */
-    pid_t supervisor;         /* process that ends the emulator; 0: another link started it */
-    char folder[PATH_SIZE];   /* folder of the pipes */
+    int in, out;            /* file descriptors; equal for sockets and serial lines */
+    int life, lock;         /* of an emulator: pipe `life`, lock file, see processor.c; -1: none */
+    pid_t supervisor;       /* process that ends the emulator; 0: another link started it */
+    char folder[PATH_SIZE]; /* folder of the pipes to an emulator */
     char reason[REASON_SIZE]; /* reason of the last failure */
 } Stream;
 
@@ -26,7 +26,8 @@ void close_stream(Stream *s);
 typedef enum { STREAM_OK, STREAM_LATE, STREAM_ENDED } StreamState;
 
 /* write_stream() returns when all bytes are written, read_stream() when at least one byte is
- * read; both return STREAM_LATE when now_s() reaches `until` */
+ * read; both return STREAM_LATE when now_s() reaches `until`, and STREAM_ENDED if the connection
+ * ends */
 StreamState write_stream(Stream *s, const void *bytes, size_t count, double until);
 StreamState read_stream(Stream *s, void *bytes, size_t most, size_t *got, double until);
 

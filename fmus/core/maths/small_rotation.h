@@ -1,8 +1,9 @@
 /* small_rotation.h - attitudes from rotation vectors and back.
  *
- * Small errors are a = 4 sigma with the modified Rodrigues parameters sigma: they differ from the
- * rotation vector by terms of third order, are exactly invertible and need no sine. Large
- * rotations, for example of a gyro, are rotation vectors phi. Equations: docs/models.md F.2. */
+ * Small errors of attitude are a = 4 sigma with the modified Rodrigues parameters sigma: a differs
+ * from the rotation vector by terms of third order, is exactly invertible and needs no sine. Large
+ * rotations, for example as measured by a gyro, are rotation vectors phi. Equations: docs/models.md
+ * F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SMALL_ROTATION_H
 #define SMALL_ROTATION_H

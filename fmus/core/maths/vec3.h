@@ -52,7 +52,7 @@ static inline vec3 limited3(vec3 a, vec3 limit)
     return vec(limited(a.x, limit.x), limited(a.y, limit.y), limited(a.z, limit.z));
 }
 
-static inline vec3 unequal(vec3 a, vec3 b) /* 1 per axis where they differ, else 0 */
+static inline vec3 unequal(vec3 a, vec3 b) /* per axis: 1 if a and b differ, else 0 */
 {
     return vec(a.x != b.x, a.y != b.y, a.z != b.z);
 }

@@ -22,9 +22,10 @@ typedef struct {
     double moves[COLUMNS]; /* 1: the joint moves, 0: it is locked */
 } DegreesOfFreedom;
 
-/* per joint, 0 for a locked joint: v, w: twist of the outboard links for a unit rate of the joint,
- * including the reaction of the free base; F, M: wrench of their momentum for this rate without the
- * reaction; y: element of y_m - H_m0 H_00^-1 y_0 (0: base, m: joints that move) */
+/* values of each joint; all are 0 if the joint is locked. v, w: twist of the links outboard of the
+ * joint for a unit rate of the joint, including the reaction of the free base; F, M: momentum of
+ * these links for the same rate without this reaction, as a wrench; y: element of
+ * y_m - H_m0 H_00^-1 y_0, with the indices 0 of the base and m of the joints that move */
 typedef struct {
     vec3s v, w, F, M;
     double y[COLUMNS];
@@ -87,9 +88,9 @@ static inline Speeds solve_for_speeds(const Tree *t, const DegreesOfFreedom *k, 
 }
 
 /* ---- loads on the bodies and the generalised forces Q or b ---- */
-/* tidal field: gravity at x minus gravity at C, the centre of mass of base and arm. The difference
- * is G x = g (3 a (a.x) - x), x from C, g = mu/r^3, a: unit vector from the planet to C; at_S: its
- * value at S */
+/* tidal field: gravity at a point minus gravity at C, the centre of mass of base and arm. The
+ * difference is G x = g (3 a (a.x) - x), with the position x of the point relative to C,
+ * g = mu/r^3, and the unit vector a from the planet to C. at_S: the difference at S */
 typedef struct {
     mat3 G;
     vec3 at_S;
@@ -102,7 +103,8 @@ static inline TidalField tidal_field_about(vec3 c, double g, vec3 a)
 }
 
 /* w~ w~ + alpha~ - G: derivative of (a' minus the tidal acceleration) with respect to the position
- * of the point in a body; ~: matrix of the vector product */
+ * of the point in a body with angular velocity w and angular acceleration alpha; w~: matrix of the
+ * vector product, w~ b = w x b */
 static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
 {
     double xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
@@ -113,8 +115,9 @@ static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
                  G);
 }
 
-/* integral of r x A r dm over a body with inertia I. For A of acceleration_gradient() it is
- * I alpha' + w x I w - 3 g a x (I a). The second moments of the mass are trace(I)/2 1 - I. */
+/* integral of r x A r dm over a body with inertia I. For A of acceleration_gradient() the integral
+ * is I alpha' + w x I w - 3 g a x (I a), with g and a of TidalField. The matrix of the second
+ * moments of the mass is trace(I)/2 1 - I. */
 static inline vec3 moment_of(mat3 A, sym3 I)
 {
     double half = (I.xx + I.yy + I.zz) / 2;
@@ -124,15 +127,15 @@ static inline vec3 moment_of(mat3 A, sym3 I)
                dot(A.row[1], x) - dot(A.row[0], y));
 }
 
-/* wrench at S that accelerates each point r of a body (from S) by a + A r */
+/* wrench at S that gives each point of a body the acceleration a + A r; r: its position from S */
 static inline Wrench inertial_load(Composite b, vec3 a, mat3 A)
 {
     return (Wrench){add(scale(b.m, a), mul(A, b.h)), add(cross(b.h, a), moment_of(A, b.I))};
 }
 
-/* at_o: acceleration a' of each joint minus the tidal acceleration, with du/dt = 0; A: gradient A_i
- * of this difference on the link outboard of the joint, A_0 on the base; o_i: position of joint i,
- * a_i: its axis:
+/* acceleration a' with du/dt = 0, minus the tidal acceleration. at_o: this difference at each
+ * joint; A: its gradient A_i on the link outboard of each joint i (A_0: on the base). For joint i
+ * at position o_i with axis a_i, with this difference as a'(o_i):
  *   w_i = w_(i-1) + a_i dq_i,   alpha'_i = alpha'_(i-1) + w_(i-1) x a_i dq_i,
  *   a'(o_(i+1)) = a'(o_i) + A_i (o_(i+1) - o_i) */
 typedef struct {
@@ -162,8 +165,8 @@ static inline void set_acceleration_fields(AccelerationFields *restrict f, const
     partial_sums(&f->at_o, sub(mul(A_0, vec_at(&k->o, 0)), tidal->at_S), &increment);
 }
 
-/* sets b of the joints to the loads on the links, summed inward; returns the sum of the loads on
- * all links, which acts on the base */
+/* sets b->joint: for each joint, the moment about its axis of the loads on all links outboard of
+ * this joint; returns the sum of the loads on all links, which acts on the base */
 static inline Wrench set_joint_forces(Forces *b, const Tree *t, const Links *k, const Speeds *u,
                                       const TidalField *tidal, mat3 A_0)
 {

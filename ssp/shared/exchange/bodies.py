@@ -30,8 +30,9 @@ class Bodies(NamedTuple):
     `{}` in a name represents the letter of the body, as in r_{}N_N.
 
     position [m], velocity [m/s], attitude: relative to an inertial frame; components: components
-    that are bodies, in their order; start: position [m] and velocity [m/s] at the start;
-    attitude_start: attitude at the start of bodies and of estimates, modified Rodrigues parameters;
+    that are bodies, in the order in which bodies() returns them; start: position [m] and velocity
+    [m/s] at the start; attitude_start: attitude at the start of bodies and of estimates, modified
+    Rodrigues parameters;
     semi_major_axis: of the orbit at the start [m], 0 if `start` applies instead of the orbit;
     elements: eccentricity, inclination, argument of perigee, right ascension and true anomaly of
     this orbit [rad]; field: gravitational parameter [m3/s2]; beside: start position and velocity
@@ -52,7 +53,9 @@ class Bodies(NamedTuple):
     sun: str = ""
 
     def found(self, result: Result) -> dict[str, str]:
-        """Return the letter of each component whose position is in the result, by component."""
+        """Return the letters of the components whose position is in the result, by component, as
+        {"servicer": "S"}.
+        """
         before, after = map(re.escape, self.position.split("{}"))
         pattern = re.compile(rf"(\w+)\.{before}([A-Z]){after}")
         return {match[1]: match[2] for n in result.vectors if (match := pattern.fullmatch(n))}
@@ -71,9 +74,9 @@ class Body:
 
 
 def bodies(names: Bodies, result: Result, name: str | None = None) -> list[Body]:
-    """Return the body `name` of a result, or the components that are bodies (None); raise
-    UsageError for an unknown name, ResultsError if the result has no body or a body is not in an
-    orbit about the Earth.
+    """Return the body `name` of a result in a list or, if None, all bodies in names.components;
+    raise UsageError for an unknown name, ResultsError if the result has no body or a body comes
+    closer than EARTH_RADIUS to the origin of N.
     """
     known = names.found(result)
     if name is not None and name not in known:
@@ -85,7 +88,10 @@ def bodies(names: Bodies, result: Result, name: str | None = None) -> list[Body]
         raise ResultsError(f"{result.system}: the result holds no body with position and velocity")
     for body in found:
         if len(body.r_N) and np.linalg.norm(body.r_N, axis=1).min() < EARTH_RADIUS:
-            raise ResultsError(f"{body.name}: does not move in an orbit about the Earth")
+            raise ResultsError(
+                f"{body.name}: does not move in an orbit about the Earth; its distance from the "
+                f"origin of N falls below 6300 km"
+            )
     return found
 
 
@@ -129,8 +135,8 @@ def days_since_j2000(instants: Any) -> Any:
 EARTH, SUN, AU = 6378136.3, 6.957e8, 149597870700.0
 """Radii of Earth and Sun, astronomical unit [m]."""
 TT_AHEAD = 69.184
-"""Difference TT - UTC since 2017 [s]. For other years it is wrong by seconds, in each of which the
-Sun moves by only 0.04 arcsec.
+"""Difference TT - UTC since 2017 [s]. In other years the difference is some seconds away from this
+value; the error is small, because the Sun moves by only 0.04 arcsec per second.
 """
 
 ROWS = 2000
