@@ -3,9 +3,10 @@
  *   (19) A_hat dOmega = G^T(epsilon) K epsilon/4 + P dw - J_hat wdd - wd x (A_hat Omega + J_hat wd)
  *
  * epsilon: MRP of S relative to D, d epsilon/dt = G(epsilon) dw/4, dw = omega - wd, wd = C_SD
- * omega_d, wdd = C_SD alpha_d, with rate omega_d and acceleration alpha_d of D; Omega: wheel
- * speeds, dOmega: commanded wheel acceleration; J_hat, A_hat: estimated inertias of body and
- * wheels; K, P: gains; all in servicer axes. Source: Zhu & Yang 2009; docs/models.md A.5.2. */
+ * omega_d, wdd = C_SD alpha_d; omega: angular velocity of S; omega_d, alpha_d: angular velocity and
+ * acceleration of D, in axes D; Omega: wheel speeds, dOmega: commanded wheel acceleration; J_hat,
+ * A_hat: estimated inertias of body and wheels; K, P: gains; all others in servicer axes. Source:
+ * Zhu & Yang 2009; docs/models.md A.5.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ADAPTIVE_ATTITUDE_H
 #define ADAPTIVE_ATTITUDE_H
@@ -13,7 +14,7 @@
 #include "reference_rows.h"
 
 typedef struct { double v[6]; } Symmetric; /* elements S11 S12 S13 S22 S23 S33 */
-typedef struct { Symmetric J, A; } Eta;    /* inertia of the body, of the wheels */
+typedef struct { Symmetric J, A; } Eta;    /* J: inertia of the body, A: of the wheels */
 
 static inline mat3 full_matrix(Symmetric s)
 {

@@ -1,8 +1,9 @@
 /* optimal_setup.h - set-up of a solve of optimal_controller: horizon, axes, free motion and
- * constraints of every node from the inputs of one sample.
+ * constraints of every node from the inputs of one sample. A node is one of the NODES intervals of
+ * equal length that divide the horizon.
  *
  * A constraint that the present state violates is widened so far that the state satisfies it; the
- * widening decreases to 0 within `relax_time`. Equations: docs/models.md N.2. */
+ * widening decreases to 0 within `relax_time`. Equations and their numbers: docs/models.md N.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_SETUP_H
 #define OPTIMAL_SETUP_H
@@ -11,9 +12,9 @@
 
 typedef struct {
     int goal;
-    double L; /* range of the goal from the target */
-    /* t_arrival: time at which the goal must be reached [s]; range, along, across: |rho| and
-     * distances along and off the grasp axis at the plan's start */
+    double L; /* distance of the goal from the target [m] */
+    /* t_arrival: time at which the goal must be reached [s]; at the start of the plan: range =
+     * |rho|, along: component of rho along the grasp axis, across: distance from this axis [m] */
     double t_arrival, range, along, across;
     Grid grid;
     Carried from;
@@ -30,8 +31,8 @@ static inline int arrived(const Task *task, int k, double lead)
     return reached(task->grid.t + end_of_node(task, k), task->t_arrival - lead);
 }
 
-/* sets the servicer axes C at the start of every node and the grasp axis a at its end; returns the
- * tumble at the end of the horizon */
+/* sets, for every node, the servicer axes C at the start of the node and the grasp axis a at its
+ * end; returns attitude and angular velocity of the target at the end of the horizon */
 static inline Tumble set_axes(const OptimalParameters *p, const OptimalInput *u, const Task *task,
                               Problem *b)
 {
@@ -47,7 +48,7 @@ static inline Tumble set_axes(const OptimalParameters *p, const OptimalInput *u,
     return at;
 }
 
-/* sets the position of the goal at the end of every node */
+/* sets the position of the goal at the end of every node, divided by the square of the horizon */
 static inline void set_places(const OptimalParameters *p, const Task *task, Problem *b)
 {
     double T = task->grid.dt * NODES, L = task->L / (T * T);
@@ -72,8 +73,8 @@ static inline void set_end(const Task *task, Tumble last, Problem *b)
 }
 
 /* (4): sets position and velocity without force at the end of every node, scaled by the horizon T:
- * position/T^2, velocity/T; d_hat: estimated acceleration that is not modelled; way: path of the
- * previous solve at these times [m] */
+ * position/T^2, velocity/T; d_hat: estimate of the acceleration that is not modelled [m/s2]; way:
+ * positions on the path of the previous solve at the ends of the nodes [m] */
 static inline void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[], Problem *b)
 {
     double T = task->grid.dt * NODES, h = 1.0 / NODES;
@@ -90,8 +91,8 @@ static inline void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[
     }
 }
 
-/* goal 3: sets the constraints cone and slab of node k, widened by (7); fade: share of the widening
- * that is left at this node */
+/* goal 3, along the axis: sets the constraints cone and slab of node k, widened by (7); fade: share
+ * of the widening that is left at this node */
 static inline void set_corridor(const OptimalParameters *p, const Task *task, int k, double fade,
                                 Node *node)
 {
@@ -108,8 +109,9 @@ static inline void set_corridor(const OptimalParameters *p, const Task *task, in
     node->has_ball = 0;
 }
 
-/* goals 1 and 2: sets the constraint of node k. Before the arrival this is the keep-out half space,
- * widened by (7); afterwards it is the ball of arrive_radius around the goal. */
+/* goals 1 and 2: sets the constraint of node k. Before the arrival, the constraint is the keep-out
+ * half space along `way`, the position on the path of the previous solve [m], widened by (7);
+ * afterwards, the ball of arrive_radius around the goal. fade: as in set_corridor() */
 static inline void set_keep_out(const OptimalParameters *p, const Task *task, int k, double fade,
                                 vec3 way, Node *node)
 {

@@ -7,14 +7,18 @@
  *   Q_gg = sum_k Jw_k^T M_k + Jv_k^T f_k,   M_k = 3 g a x I_k a,
  *           f_k = g m_k (3 a (a.rho_k) - rho_k),   g = mu/r^3
  *
- * omega_0: angular velocity of the base; dq: joint rates; Jw_k, Jv_k: derivatives of the angular
- * velocity and the velocity of body k by u; alpha'_k, a'_k: angular acceleration and acceleration
- * of body k for du/dt = 0; rho_k: centre of mass of body k from the centre of mass of the robot; a:
- * unit vector from the planet; all in base axes. Both joint axes are parallel to the z axis of the
- * base, joint 1 lies on its x axis. Locked joints do not move; the momentum of a joint that is
- * locked while it moves is transferred to the robot as one body. The centre of mass follows a
- * Kepler orbit that the attitude does not influence. Source: Guo, Li, Fan, Meng 2014, with the
- * corrections of docs/models.md D.6. Classical Runge-Kutta on the grid k * max_step. */
+ * omega_0: angular velocity of the base; dq: joint rates; tau: joint torques; Q_ext: force and
+ * torque on the base; m_k, I_k, omega_k: mass, inertia and angular velocity of body k (0: base, 1,
+ * 2: links); Jw_k, Jv_k: derivatives of the angular velocity and the velocity of body k by u;
+ * alpha'_k, a'_k: angular acceleration and acceleration of body k for du/dt = 0; M_k, f_k: torque
+ * and force of the gravity gradient on body k; rho_k: centre of mass of body k from the centre of
+ * mass of the robot; a, r: unit vector and distance from the centre of the planet to the centre of
+ * mass of the robot; all in base axes. Both joint axes are parallel to the z axis of the base;
+ * joint 1 lies on the x axis of the base. Locked joints do not move; the momentum of a joint that
+ * is locked while it moves is transferred to the robot as one body. Without a force on the base,
+ * the centre of mass follows a Kepler orbit that the attitude does not influence. Source: Guo, Li,
+ * Fan, Meng 2014, with the corrections of docs/models.md D.6. Integrated by the classical
+ * Runge-Kutta method on the grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "orbit_rows.h"
 #include "portable_math.h"
@@ -69,9 +73,9 @@ static const Variable variables[] = {
     POSITIVE_AS("mass", links.mass, "kg", "mass of base, link 1, link 2"),
     POSITIVE_AS(
         "Ixx", links.Ixx, "kg.m2",
-        "moment of inertia about the own centre of mass, along the link (base: x), per body"),
+        "moment of inertia about the centre of mass, axis along the link (base: x), per body"),
     POSITIVE_AS("Iyy", links.Iyy, "kg.m2",
-                "moment of inertia across the link, in the plane of motion (base: y), per body"),
+                "moment of inertia, axis across link and joint axes (base: y), per body"),
     POSITIVE_AS("Izz", links.Izz, "kg.m2",
                 "moment of inertia about the joint axes (base: z), per body"),
     NONNEGATIVE_AS(
@@ -197,7 +201,8 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
 
 RK4(integrate, derivative, Context, State)
 
-/* stops the joints and conserves the angular momentum: omega+ = H_bb^-1 (H_bb omega + H_bm dq) */
+/* stops the joints and conserves the angular momentum: omega becomes H_bb^-1 (H_bb omega +
+ * H_bm dq); H_bb, H_bm: columns of omega and of the joint rates dq in the rows of H for omega */
 static void stop_joints(const Parameters *p, State *x)
 {
     Robot robot = robot_at(&p->links, x->joint_angle, x->joint_rate);
@@ -226,8 +231,8 @@ static mat3 orbital_frame(const Parameters *p, vec3 r, vec3 v)
     return rows(x, cross(z, x), z);
 }
 
-/* C_b,or = Ry(psi) Rz(theta) Rx(vartheta), orbital frame to base; order of `angles`: vartheta,
- * psi, theta */
+/* C_b,or = Ry(psi) Rz(theta) Rx(vartheta), orbital frame to base; angles: vartheta about x, psi
+ * about y, theta about z, in this order */
 static mat3 dcm_of_euler(const double angles[3])
 {
     SineCosine x = sine_and_cosine(angles[0]), y = sine_and_cosine(angles[1]),
@@ -238,11 +243,12 @@ static mat3 dcm_of_euler(const double angles[3])
     return matmul(Ry, matmul(Rz, Rx));
 }
 
-#define UPRIGHT 1e-9 /* lower limit of cos(theta) as divisor of the rates */
+#define UPRIGHT 1e-9 /* least divisor cos(theta) in euler_of_dcm() */
 
-/* angles of a rotation matrix C_b,or: theta = asin(-C10), vartheta = atan2(C12, C11),
- * psi = atan2(C20, C00); and their rates. w: angular velocity relative to the orbital frame,
- * base axes, w = T_Y [dvartheta; dpsi; dtheta]; T_Y is singular at theta = +-90 deg. */
+/* sets the angles of a rotation matrix C_b,or (indices from 0): theta = asin(-C10), vartheta =
+ * atan2(C12, C11), psi = atan2(C20, C00); and their rates. w: angular velocity of the base relative
+ * to the orbital frame, base axes, w = T_Y [dvartheta; dpsi; dtheta]; T_Y is singular at theta =
+ * +-90 deg. */
 static void euler_of_dcm(mat3 C, vec3 w, double angles[3], double rates[3])
 {
     double cz = sqrt(C.row[1].y * C.row[1].y + C.row[1].z * C.row[1].z), sz = -C.row[1].x;

@@ -2,11 +2,11 @@
  *
  *   q_AN = q_SN q_AS rot(sigma_A (o) z_0..2)
  *
- * A: axes of the star tracker; z: standard normal draws, (o): product element by element. There is
- * no measurement while the servicer turns faster than rate_max, with the Sun within sun_cone of the
- * boresight (+X of A), during an outage or a drop-out (u_3 < p_drop, u_3: uniform draw in (0, 1)).
- * The measured attitude is the attitude at one instant: the exposure takes no time. Equations:
- * docs/models.md F.2. */
+ * A: axes of the star tracker; rot(a): quaternion of a small rotation a; z: standard normal draws;
+ * (o): product element by element. There is no measurement while the servicer turns faster than
+ * rate_max, with the Sun within sun_cone of the boresight (+X of A), during an outage or a drop-out
+ * (u_3 < p_drop, u_3: uniform draw in (0, 1)). The measured attitude is the attitude at one
+ * instant: the exposure takes no time. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "mounting.h"
 #include "sensor.h"
@@ -46,7 +46,7 @@ static const Variable variables[] = {
     SENSOR_PERIOD_ROW,
     RANDOM_ROWS(random),
     PARAMETER(q_AS, "1", "attitude of the star tracker relative to the servicer, scalar first"),
-    NONNEGATIVE(sigma_A, "rad", "noise about the axes of the star tracker, X is the boresight"),
+    NONNEGATIVE(sigma_A, "rad", "standard deviation of the noise per axis; X is the boresight"),
     NONNEGATIVE(rate_max, "rad/s", "no measurement while the servicer turns faster"),
     SUN_ROWS(sun),
     OUTAGE_ROWS(outage),

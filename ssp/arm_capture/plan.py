@@ -9,8 +9,8 @@ position is
     r_QS = C_DN (C_TN^T p_QT_T - rho_ref_N),   X_E = -X_Q
 
 in axes of the reference attitude D of the base. p_QT_T: position of the fixture Q from the centre
-of the target T, target axes; rho_ref_N: reference position of the base from T, N axes; X_E, X_Q: X
-axes of the end effector, which must be opposite to each other on the fixture, and of the fixture.
+of the target T, target axes; rho_ref_N: reference position of the base from T, N axes; X_E: X axis
+of the end effector, which must be opposite to the X axis X_Q of the fixture.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Plan:
     stand, seat: results whose variables `plan.*` are time series of the reach of the arm, for the
     standoff position before the fixture and for the seat in the fixture; line: mask of the
     positions LINE that the arm reaches at the first instant; touches: least distance between two
-    links of the stowed arm [m] and the numbers of these links.
+    links of the stowed arm [m], negative if they overlap, and the numbers of these links.
     """
 
     stand: Result
@@ -126,7 +126,10 @@ class Plan:
             if not r["plan.reached"].all():
                 yield f"not planned: the {name} is outside the reach of the arm"
             elif r["plan.manipulability"].min() < least:
-                yield f"not planned: at the {name} manipulability is below {least:g}"
+                yield (
+                    f"not planned: at the {name} manipulability is below "
+                    f"arm_guidance.manipulability_min = {least:g}"
+                )
         if self.touches[0] < 0:
             yield "not planned: the stowed arm touches itself"
 
@@ -204,9 +207,10 @@ def _fixture(run: Result, known: Result) -> tuple[Array, Array, Array]:
     """Return times (rows,) [s], positions of the fixture from S (rows, 3) [m] and required
     directions of the X axis of the end effector (rows, 3), both in base axes.
 
-    run: of guidance and target; known: parameters. The times begin when the arm starts to track the
-    fixture. The guidance computes a reference from the target in one row and publishes this
-    reference in the next row, so each target is combined with the reference of the next row.
+    run: result of guidance and target; known: parameters of the system. The times begin when the
+    arm starts to track the fixture. The guidance computes a reference from the target in one row
+    and publishes this reference in the next row, so each target is combined with the reference of
+    the next row.
     """
     rho, late = run["guidance.rho_ref_N"], float(known.parameter(GOALS[2]))
     new = np.array([0, *np.flatnonzero(np.diff(rho, axis=0).any(axis=1))])

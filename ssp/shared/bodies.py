@@ -7,9 +7,9 @@ its mass m and its moments of inertia J:
 
     edge_x^2 = 6 (J_y + J_z - J_x) / m
 
-The hull of a servicer or target has edges HULL times as long, and symbolic solar panels represent
-the rest of its inertia. Parts are dictionaries that the page draws: `kind`, `at` (centre, body
-axes) and sizes [m].
+The hull of a servicer or target has HULL times these edges, and symbolic solar panels at the hull
+represent the rest of the inertia. Parts are dictionaries that the page draws: `kind`, `at` (centre,
+body axes) and sizes [m].
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ moments of inertia of the body; the solar panels at the hull represent the rest 
 EDGE = 1.0
 """Edge of the cube that represents a body whose mass or inertia the result lacks [m]."""
 WING = 1.6
-"""Ratio of the length of a solar panel to the longest edge of its hull."""
+"""Ratio of the length of a solar panel to the longest edge of the hull to which it belongs."""
 THIN = 0.03
-"""Ratio of the thickness of a solar panel to the longest edge of its hull."""
+"""Ratio of the thickness of a solar panel to the longest edge of the hull to which it belongs."""
 
 
 def uniform_box(mass: float, inertia: Array) -> Array:
     """Return the edges (3,) [m] of the box of uniform density with this mass [kg] and inertia [kg
-    m2], a matrix of which only the diagonal is used, or its diagonal.
+    m2]: the diagonal (3,), or a matrix (3, 3) of which only the diagonal is used.
     """
     J = np.diag(inertia) if np.ndim(inertia) == 2 else np.asarray(inertia)
     squares = 6 * (J.sum() - 2 * J) / mass
@@ -48,8 +48,8 @@ def uniform_box(mass: float, inertia: Array) -> Array:
 
 
 def edges(result: Result, mass: str, inertia: str) -> Array:
-    """Return the edges of the hull of a body (3,) [m] from its parameters `mass` and `inertia`; of
-    a cube if the result lacks them.
+    """Return the edges of the hull of a body (3,) [m] from the parameters with the names `mass` and
+    `inertia`; the edges of a cube if the result lacks them.
     """
     if not result.holds(parameters=(mass, inertia)):
         return np.full(3, EDGE)
@@ -58,8 +58,8 @@ def edges(result: Result, mass: str, inertia: str) -> Array:
 
 
 def edges_through(result: Result, mass: str, inertia: str, point: Any) -> Array:
-    """Return the edges of the box with the proportions of edges() whose surface contains a point.
-    For a body with a mounted part, the mounting point gives a better size than the ratio HULL.
+    """Return the edges of the box with the proportions of edges() whose surface contains a point
+    (3,) [m]. Where a part is mounted on the body, the mounting point gives a better size than HULL.
     """
     found = edges(result, mass, inertia)
     return np.asarray(found * np.max(2 * np.abs(point) / found))
@@ -120,7 +120,7 @@ def arm(reach: float, face: float, radius: float) -> list[Part]:
 
 
 def ring(axis: Array, size: Array, radius: float) -> Part:
-    """Return the grasp ring on the face of a box with edges `size` through which `axis` passes."""
+    """Return the grasp ring about `axis`, where this axis leaves a box with edges `size`."""
     reach = 0.5 / np.max(np.abs(axis) / size)
     return hoop(axis * reach, axis, radius)
 
@@ -153,7 +153,7 @@ def shifted(parts: list[Part], by: Array) -> list[Part]:
 
 
 def hull_of(places: Array) -> tuple[Array, Array]:
-    """Return the edges and the centre of the box around the positions of thrusters (n, 3)."""
+    """Return edges (3,) and centre (3,) [m] of the box around the positions of thrusters (n, 3)."""
     low, high = places.min(axis=0), places.max(axis=0)
     size = high - low
     return np.maximum(size, SLIMMEST * size.max()), (low + high) / 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: published cases for `harness validate`."""
+"""Mission: published cases, with which `harness validate` compares the FMUs."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 /* fmi2.c - functions of FMI 2.0 co-simulation for a model with an interface table: life cycle,
  * values, step.
  *
- * Every function checks the call state first (FMI 2.0, section 4.2.4) and returns fmi2Error with a
- * message for a rejected call; the instance does not change and stays usable. Only a failed step
- * leads to the error state. */
+ * Every function checks first whether the state of the instance permits the call (FMI 2.0, section
+ * 4.2.4). A rejected call returns fmi2Error with a message; the instance does not change and stays
+ * usable. Only a failed step leads to the error state. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi2_layer.h"
 #include "life.h"
@@ -49,7 +49,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     union {
         fmi2String read;
         char *own;
-    } text = {name}; /* own is not const, but never written: new_instance() copies it */
+    } text = {name}; /* not const, but never written: new_instance() copies the name */
     caller.name = text.own;
     if (!can_instantiate(&caller, type, guid)) return NULL;
     Instance *instance = new_instance(&caller);

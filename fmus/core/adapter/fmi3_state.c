@@ -67,9 +67,9 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_
 }
 
 /* ---- directional derivatives ----
- * A value reference names a whole row of the table. Seed and sensitivity contain the elements of
- * the rows, one row after the other. */
-enum { NO_ELEMENT = VR_STRIDE - 1 + 1000000 * VR_STRIDE }; /* a value reference that no model has */
+ * A value reference of FMI 3.0 names a variable with all its elements, a row of the table. Seed and
+ * sensitivity contain the elements of the knowns and unknowns, one variable after the other. */
+enum { NO_ELEMENT = VR_STRIDE - 1 + 1000000 * VR_STRIDE }; /* in no model: derive() rejects it */
 
 static size_t elements_of(const fmi3ValueReference row[], size_t rows)
 {
@@ -102,8 +102,9 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
     if ((unknowns && !unknown) || (knowns && !known))
         return failure(instance, function, "an array argument is NULL");
     if (elements_of(unknown, unknowns) != sensitivities || elements_of(known, knowns) != seeds)
-        return failure(instance, function,
-                       "seed and sensitivity need as many elements as the knowns and unknowns");
+        return failure(
+            instance, function,
+            "seed must have as many elements as the knowns, sensitivity as the unknowns");
     unsigned *element = allocate(instance, (sensitivities + seeds + 1) * sizeof *element);
     if (!element) return failure(instance, function, "out of memory");
     list_elements(unknown, unknowns, element);

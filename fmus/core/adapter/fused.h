@@ -1,11 +1,12 @@
 /* fused.h - a system of models as one model: types and functions for the system.c written by
  * core/build/fuse.py.
  *
- * The memory, in doubles, holds the macro step and the heads of all parts (parameters, inputs).
- * Then follow the states and outputs: start time, number of completed macro steps, 1 if the initial
- * values have not converged, the time of each part that does not step at every macro step, copies
- * of outputs that other parts read later than they are computed, and the tails of all parts
- * (states, outputs). The workspace behind them holds one part with head and tail together. */
+ * A part is a component of the system. The memory is an array of doubles, in this order: the macro
+ * step; the heads of all parts (parameters, inputs); start time; number of completed macro steps; a
+ * flag that is 1 if the initial values have not converged; the time of each part that does not step
+ * at every macro step; for each part, copies of its outputs if they are published later than they
+ * are computed, and its tail (states, outputs). In the workspace behind the memory, one part at a
+ * time is assembled, with its tail directly behind its head. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FUSED_H
 #define FUSED_H
@@ -15,8 +16,8 @@
 enum { MACRO_STEP = 0, MOST_ROUNDS = 200 };
 
 typedef struct {
-    size_t from, to, count; /* indices and number of doubles */
-    double factor, offset;  /* of a converted signal: to = factor from + offset */
+    size_t from, to, count; /* indices in the memory, number of doubles */
+    double factor, offset;  /* unit conversion: m[to] = factor m[from] + offset */
     bool plain;             /* no conversion */
 } Copy;
 
@@ -31,7 +32,7 @@ typedef struct {
     size_t head;   /* index in the memory of the first parameter of the part; inputs follow */
     size_t tail;   /* index in the memory of the first state of the part; outputs follow */
     Copies driven; /* published outputs of other parts -> inputs of this part */
-    Copies late;   /* outputs with latency: from the tail -> where other parts read them */
+    Copies late;   /* outputs that are published late: tail -> copies that other parts read */
 } Part;
 
 static inline size_t head_count(const ModelInterface *m)
@@ -69,8 +70,8 @@ static inline bool set_driven_inputs(const Part *part, double m[])
     return changed;
 }
 
-/* joins a part in work[]: its head (parameters, inputs) from the memory, its states and outputs
- * with their start values */
+/* writes a whole part to work[]: parameters and inputs from the memory m, start values of states
+ * and outputs */
 static inline void assemble_part(const Part *part, const double m[], double work[])
 {
     memcpy(work, part->model->start, part->model->size);
@@ -90,8 +91,8 @@ static inline void check_part(const Part *part, const double m[], double work[],
  * output changes, as harness/master/simulation.py does. A part is evaluated again, from its start
  * values, if one of its inputs has changed. */
 
-/* true if an output of a part differs from its previous value; whole: new values of the part,
- * tail: previous states and outputs */
+/* true if an output of a part has other bits in `whole` (head and tail with the new values) than in
+ * `tail` (tail with the previous values) */
 static inline bool outputs_differ(const ModelInterface *model, const double whole[],
                                   const double tail[])
 {
@@ -104,7 +105,8 @@ static inline bool outputs_differ(const ModelInterface *model, const double whol
     return false;
 }
 
-/* evaluates the initial outputs of a part at time t; returns true if an output has changed */
+/* evaluates the initial states and outputs of a part at time t and stores them in the memory m;
+ * returns true if an output has changed */
 static inline bool evaluate_outputs(const Part *part, double m[], double work[], double t)
 {
     assemble_part(part, m, work);
@@ -115,8 +117,8 @@ static inline bool evaluate_outputs(const Part *part, double m[], double work[],
     return changed;
 }
 
-/* true if all values of the part satisfy their rules, as the adapter of the part would check
- * them */
+/* true if states and outputs of the part are finite, and inputs and outputs satisfy their rules:
+ * the adapter of a single FMU makes the same checks */
 static inline bool satisfies_rules(const Part *part, const double m[])
 {
     const ModelInterface *model = part->model;
@@ -135,10 +137,10 @@ static inline void reset_part(const Part *part, double m[])
     memset(m + part->tail, 0, tail_count(part->model) * sizeof *m);
 }
 
-/* initializes all parts at time t; false: the outputs have not converged. It ends early with true
- * if a value violates its rule, because the adapter then rejects this value. work: space for the
- * largest part with its workspace; stale: one element per part, true if the part must be
- * evaluated again */
+/* initializes all parts at time t; returns false if the outputs have not converged. If a value
+ * violates its rule, the function returns true at once: the adapter then rejects this value. work:
+ * space for the largest part with its workspace; stale: one element per part, true if the part must
+ * be evaluated again */
 static inline bool initialize_parts(const Part *parts, size_t count, bool stale[], double m[],
                                     double work[], double t)
 {

@@ -34,8 +34,8 @@ TOKEN = re.compile(
     r'""|\d(?:[eEpP][+-]|[\w.])*|\.\d(?:[eE][+-]|\w)*|#\s*define\s+\w+\(|\w+|<<=|>>=|->'
     r"|\+\+|--|<<|>>|&&|\|\||##|[-+*/%&|^=!<>]=|\S"
 )
-"""Token of a C source without comments; the name and the parenthesis of a macro with parameters are
-one token.
+"""Regular expression for a token of a C source without comments. `#define NAME(` is one token,
+because a blank before the parenthesis would turn the parameters of a macro into its text.
 """
 
 LOOPS = (
@@ -127,8 +127,8 @@ class Calls:
     unbounded: list[str]
 
     def called(self, name: str) -> set[str]:
-        """Return the functions that a function calls directly. A call through a pointer may reach
-        every function that is never called by name, so these functions are included.
+        """Return the functions that a function calls directly. If it calls through a pointer, all
+        functions of pointed() are included, because the pointer may point to any of them.
         """
         direct = self.callees.get(name, set())
         if "__indirect_call" not in direct:
@@ -136,7 +136,9 @@ class Calls:
         return (direct - {"__indirect_call"}) | self.pointed()
 
     def pointed(self) -> set[str]:
-        """Return the functions that are called only through pointers."""
+        """Return the functions that are never called by name, without those that the adapter calls:
+        their names end in `_model`.
+        """
         named = {callee for callees in self.callees.values() for callee in callees}
         return {f for f in self.stack if f not in named and not f.endswith("_model")}
 

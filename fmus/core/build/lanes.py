@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compile the FMU of a whole system (fuse.py) into a library that computes several runs at once,
-each in one lane of vector registers (core/lanes/lanes.h).
+"""Compile the FMU of a whole system, which fuse.py builds, into a library that computes several
+runs at once, each in one lane of vector registers (core/lanes/lanes.h).
 
 Usage: lanes.py SOURCES -o WHOLE.so [--width N] [--cxx COMMAND]
 
@@ -80,9 +80,9 @@ void {model}_model_step(const void *p, const void *u, void *x, void *y, double t
 TYPES = re.compile(
     r"^(?:typedef (?:struct|enum)|enum) \{[^{}]*\}(?: (?:Phase|Progress|Snapshot))?;", re.M
 )
-"""Regular expression for the definitions of the C types in which the memory of a run is described.
-The library contains only these parts of the files TYPES_IN, because not every compiler accepts the
-functions in the files as C++.
+"""Regular expression for the definitions of the C types that describe the memory of a run. The
+library contains only these definitions from the files TYPES_IN, because not every compiler accepts
+the functions in these files as C++.
 """
 TYPES_IN = ("interface.h", "instance.h", "state.c")
 STEP = "void {}_model_step(const void *, const void *, void *, void *, double, double);"
@@ -96,7 +96,7 @@ def units(sources: Path) -> dict[str, str]:
     part = re.DOTALL | re.MULTILINE
     step = re.search(r"^static void step_system.*?^\}", system, part)
     tables = re.search(r"^enum \{ PARTS.*?(?=^static const (?:Copy|Part) )", system, part)
-    assert step and tables  # fused_source.py writes this code into every system.c
+    assert step and tables  # fused_source.py writes both into every system.c
     models = re.findall(r"^extern Step (\w+)_model_step;", system, part)
     rows = "#define CHECKED_ROWS\n" if " checked[]" in tables[0] else ""
     steps = "\n".join(map(STEP.format, models))
@@ -138,8 +138,9 @@ def build(sources: Path, output: Path, compiler: list[str], width: int, folder: 
 
 
 def is_clang(compiler: list[str]) -> bool:
-    """Return whether a compiler is clang, with which the lanes are linked without the C++ library
-    (-nostdlib++): they do not use it, and zig, which contains clang, would compile it first.
+    """Return whether a compiler is clang. With clang, the lanes are linked without the C++ standard
+    library (-nostdlib++), which they do not use: zig, which contains clang, would otherwise compile
+    that library first.
     """
     command = [*compiler, "--version"]
     return b"clang" in subprocess.run(command, check=True, capture_output=True).stdout

@@ -20,14 +20,14 @@ PLATFORMS = {
     "darwin64": "x86_64-darwin",
     "aarch64-darwin": "aarch64-darwin",
 }
-"""Names of platforms (tuples) in FMI 3.0, by their names in FMI 2.0."""
+"""Platform tuples of FMI 3.0, by the names of the platforms in FMI 2.0."""
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 BODY = re.compile(r"(r|v|omega|q)_([A-Z])([A-Z])(?:_([A-Z]))?(_hat)?")
-"""Regular expression for the name of a motion of one body relative to another. Groups: 1 quantity,
-2 letter of the moving body, 3 letter of the other body, 4 letter of the axes, 5 `_hat` for an
-estimate.
+"""Regular expression for the name of a variable of the motion of one body relative to another, such
+as `r_SN_N`. Groups: 1 quantity, 2 letter of the moving body, 3 letter of the other body, 4 letter
+of the axes, 5 `_hat` for an estimate.
 """
 
 WRENCH = re.compile(r"([FM])_((?:[a-z]+_)?[A-Z])")
@@ -35,9 +35,9 @@ WRENCH = re.compile(r"([FM])_((?:[a-z]+_)?[A-Z])")
 such as `cmd_S`."""
 
 AXES = {"r": 3, "v": 3, "omega": 2, "q": 0}
-"""Group of BODY with the letter that the axes must have, by quantity (0: the name has no axes).
-Position and velocity are in axes of the other body (group 3), the angular velocity is in axes of
-the moving body (group 2).
+"""Number of the group of BODY whose letter the axes (group 4) must have, by quantity; 0: the name
+has no axes. Position and velocity are in axes of the other body (group 3), the angular velocity is
+in axes of the moving body (group 2).
 """
 
 BODY_STATE, WRENCHES, SIGNAL = (f"servicing-fmus.{n}" for n in ("body-state", "wrench", "signal"))
@@ -72,7 +72,8 @@ def terminals(rows: Iterable[dict[str, str]]) -> str:
 
     Inputs and outputs form terminals: the state of a body, force and torque, or a single signal.
     Terminals of two FMUs are connected by the names of their members; the terminal of an FMU that
-    needs fewer signals has fewer members.
+    needs fewer signals has fewer members. rows: attributes of the variables, such as `name` and
+    `causality`.
     """
     plugs: dict[tuple[str, str], dict[str, str]] = defaultdict(dict)
     for row in rows:

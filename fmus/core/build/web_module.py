@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compile the FMU of a whole system (fuse.py) into a WebAssembly module, with which a web page
-simulates the system.
+"""Compile the FMU of a whole system, which fuse.py builds, into a WebAssembly module, with which a
+web page simulates the system.
 
 Usage: web_module.py FILE.c... -o WHOLE.wasm [--cc COMMAND]
 
@@ -25,8 +25,8 @@ FMI = "fmi2"
 
 
 def compile_module(sources: list[Path], output: Path, compiler: list[str]) -> None:
-    """Write the module compiled from C files of one folder; compiler: words of its command. Raises
-    CalledProcessError if the compiler fails.
+    """Write the module compiled from C files of one folder; compiler: words of the command that
+    calls a C compiler. Raises CalledProcessError if the compiler fails.
     """
     names = [path.name for path in sources if not path.name.startswith(FMI)]
     made = [*names, str(PAGE), "-I.", "-o", str(output.resolve()), "-lm"]

@@ -5,7 +5,7 @@
 
 #include "vec3.h"
 
-/* whole part of x within 0 .. last; 0 if x is NaN */
+/* whole part of x, limited to 0 .. last; 0 if x is NaN */
 static inline int index_within(double x, int last)
 {
     if (x != x) return 0;

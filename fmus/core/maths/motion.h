@@ -27,7 +27,7 @@ static inline Motion normalised(Motion u)
     return (Motion){k, dk, scale(1 / n, sub(u.dd, add(scale(2 * dn, dk), scale(ddn, k))))};
 }
 
-/* part of a fixed vector that is perpendicular to the unit vector i, with derivatives */
+/* component of the constant vector `fixed` perpendicular to the unit vector i, with derivatives */
 static inline Motion perpendicular_part(vec3 fixed, Motion i)
 {
     double s = dot(fixed, i.x), ds = dot(fixed, i.d), dds = dot(fixed, i.dd);
@@ -35,8 +35,8 @@ static inline Motion perpendicular_part(vec3 fixed, Motion i)
                     neg(sum3(scale(dds, i.x), scale(2 * ds, i.d), scale(s, i.dd)))};
 }
 
-/* angular velocity and acceleration of the frame with axes i, j, k, in its own components: w =
- * [j'.k, k'.i, i'.j] */
+/* angular velocity w = [j'.k, k'.i, i'.j] of the frame with axes i, j, k, and angular acceleration
+ * w', both in components along i, j, k */
 static inline vec3 frame_rate(Motion i, Motion j, Motion k)
 {
     return vec(dot(j.d, k.x), dot(k.d, i.x), dot(i.d, j.x));

@@ -1,8 +1,9 @@
 /* line_of_sight.h - relative motion in line-of-sight (LOS) coordinates: range, elevation, azimuth.
  *
- * r points from the servicer to the target, v and a are its derivatives; rho = |r|, eps: elevation,
- * bet: azimuth. One inertial axis is "up". If this axis is called y and the two others follow in
- * cyclic order, the axes of frame L are, with ce = cos(elevation), sb = sin(azimuth) and so on,
+ * r points from the servicer to the target; v and a are its derivatives as seen in N; rho = |r|,
+ * eps: elevation, bet: azimuth. One inertial axis is "up". If this axis is called y and the two
+ * others follow in cyclic order, the axes of frame L are, with ce = cos(elevation), sb =
+ * sin(azimuth) and so on,
  *   x_l = [ ce cb,  se, -ce sb] = r/|r|,   y_l = [-se cb,  ce,  se sb],
  *   z_l = x_l x y_l = [ sb,  0,  cb]
  * elevation is counted from the plane normal to y, azimuth in this plane from x, and
@@ -25,7 +26,7 @@
 enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 
 #define UP_AXIS_TEXT \
-    "inertial axis called up in the definition of the line-of-sight angles: 1 = X, 2 = Y, 3 = Z"
+    "inertial axis from whose normal plane the elevation is counted: 1 = X, 2 = Y, 3 = Z"
 
 /* three outputs for a vec3 that contains (range, elevation, azimuth) */
 #define LOS_OUTPUTS(name, member, range_unit, angle_unit, text)                               \
@@ -38,7 +39,7 @@ enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 typedef struct {
     Motion q;                         /* range, elevation, azimuth with derivatives; m, rad */
     mat3 C_LN;                        /* rows x_l, y_l, z_l */
-    double ce, se, ce_safe, rho_safe; /* cosine, sine of elevation; ce, rho bounded as divisors */
+    double ce, se, ce_safe, rho_safe; /* cosine, sine of elevation; bounded divisors ce, rho */
 } LineOfSight;
 
 static inline void check_up_axis(Problems *problems, double up)
@@ -103,7 +104,7 @@ static inline double wrapped(double angle)
     return angle - 2 * PI * ceiling_of(angle / (2 * PI) - 0.5);
 }
 
-/* gravity at r_T + rho minus gravity at r_T, without cancellation (Encke):
+/* gravity at r_T + rho minus gravity at r_T, without cancellation (Encke), r = |r_T|:
  * -mu/r^3 (rho + f (r_T + rho)), f = -q (3 + 3q + q^2) / ((1+q)^1.5 (1 + (1+q)^1.5)),
  * q = rho.(rho + 2 r_T)/r^2 */
 static inline vec3 differential_gravity(double mu, vec3 r_T, vec3 rho)

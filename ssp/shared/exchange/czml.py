@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Writing of the bodies of a result as CZML, which Cesium shows about the Earth.
 
-Positions are inertial (Cesium treats them as ICRF, 23 mas from EME2000). Orientations are relative
-to the Earth-fixed axes, as CZML requires: they are converted by the IAU 2006/2000A matrix of every
-instant, with UT1 = UTC and without polar motion, an error below 0.005 deg.
+Positions are in the inertial axes N; Cesium treats them as ICRF, which differs from EME2000 by 23
+mas. Orientations are relative to the Earth-fixed axes, as CZML requires: they are converted by the
+IAU 2006/2000A matrix of every instant, with UT1 = UTC and without polar motion, which causes an
+error below 0.005 deg.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ COLOURS = ([0, 114, 178, 255], [213, 94, 0, 255], [0, 158, 115, 255])
 Okabe & Ito.
 """
 LEAP_SECONDS = 37.0
-"""Difference TAI - UTC since 2017 [s]. An error of a second in it turns the matrix by less than
-0.01 arcsec.
+"""Difference TAI - UTC since 2017 [s]. If this value is wrong by a second, the matrix of earth() is
+turned by less than 0.01 arcsec.
 """
 
 
@@ -42,7 +43,7 @@ class _Clock(NamedTuple):
 
     @property
     def span(self) -> str:
-        """Return the interval from the first instant to the last."""
+        """Return the interval from the first instant to the last as ISO 8601 text."""
         return f"{_text(self.times[0])}/{_text(self.times[-1])}"
 
     def sampled(self, degree: int, name: str, values: Array, **about: Any) -> dict[str, Any]:
@@ -59,10 +60,12 @@ class _Clock(NamedTuple):
 
 
 def write_czml(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
-    """Write all bodies of a result into a .czml file; raise UsageError or ResultsError.
+    """Write the bodies of a result into a .czml file. Raises UsageError for an unknown body or an
+    invalid epoch, ResultsError if the result has no body, a body is not in an orbit about the
+    Earth, or a date is out of range.
 
-    names: names of the variables of bodies; body: name of the only body to write (None: all);
-    epoch: UTC at t = 0.
+    names: names of the variables that describe a body; body: name of the only body to write (None:
+    all); epoch: UTC at t = 0.
     """
     rows = slice(None, None, -(-len(result.time) // ROWS))
     times = instants(result, epoch)[rows]

@@ -4,8 +4,8 @@ elements.
 
 States are given in N axes: EME2000, GCRF and ICRF are taken as N (they differ by 23 mas), TEME of
 two-line elements is converted by way of Earth-fixed axes with the IAU models. For this, UT1 is set
-to UTC; the error cancels, because both conversions use the same UT1. SGP4 accepts any text in its
-columns, so two-line elements are checked first.
+to UTC; the error cancels, because both conversions use the same UT1. The library sgp4 accepts any
+text in the columns of a number, so two-line elements are checked first.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
 LONGEST = 256 * 1024**2
 """Size of the largest file of start values that is read [bytes]."""
 INLINE = "two-line elements"
-"""Name, in messages, of elements that are given as text in the TOML instead of a file."""
+"""Name that messages use, in place of a path, for elements given as text in the TOML."""
 EXACT = 1e-6
 """Time difference up to which a state of an ephemeris is used without interpolation [s]."""
 
@@ -51,8 +51,8 @@ class State(NamedTuple):
 class Source:
     """Source of the state of a body: a file, or elements as text.
 
-    path: its path, or INLINE; first: first instant for which it has a state, UTC; axes: note about
-    its axes; state: function that returns the state at an instant.
+    path: path of the file, or INLINE; first: first instant with a state (elements: their epoch),
+    UTC; axes: note about the original axes; state: function that returns the state at an instant.
     """
 
     path: Path | str
@@ -102,7 +102,7 @@ def state_of(component: str, source: Source, instant: np.datetime64) -> State:
         with _undated():
             found = source.state(instant)
         if not (np.isfinite(found.r).all() and np.isfinite(found.v).all()):
-            raise ValueError("position and velocity at the epoch are not finite")
+            raise ValueError("position or velocity at the epoch is not finite")
         return found
     except (ValueError, IndexError) as error:
         raise UsageError(f"--start {component}: {source.path}: {reason_of(error)}") from error
@@ -132,7 +132,7 @@ _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 def _ephemeris(path: Path | str, text: str) -> Source:
     system = _time_system(text)
     with PrivateFolder() as folder:
-        # the library does not support GPS time: it reads these times as TAI
+        # the library does not support GPS time: it reads them as TAI, `late` corrects this by 19 s
         copy = folder / "message.oem"
         copy.write_text(_TIME_SYSTEM.sub(lambda m: m[0].replace("GPS", "TAI"), text), "utf-8")
         message = library("oem", "exchange").OrbitEphemerisMessage.open(str(copy))
@@ -172,7 +172,8 @@ def _frame(message: Any) -> str:
         raise ValueError(f"its centre is {' and '.join(sorted(centres))}, not the EARTH")
     if len(frames) != 1 or not frames <= {*SAME_AXES, "TEME"}:
         raise ValueError(
-            f"its axes are {' and '.join(sorted(frames))}, expected {', '.join(SAME_AXES)} or TEME"
+            f"its axes are {' and '.join(sorted(frames))}, "
+            f"expected only one of {', '.join(SAME_AXES)} or TEME"
         )
     return str(frames.pop())
 
@@ -210,8 +211,8 @@ def _propagated(api: Any, satellite: Any, instant: np.datetime64) -> State:
 
 
 def _out_of_teme(state: State, instant: np.datetime64) -> State:
-    """Return a state given in TEME axes in N axes. TEME is converted into Earth-fixed axes by GMST
-    1982, and these into N by the IAU 2006/2000A matrix.
+    """Return the state in N axes from a state in TEME axes. TEME is converted into Earth-fixed axes
+    by GMST 1982, and these into N by the IAU 2006/2000A matrix.
     """
     erfa = library("erfa", "exchange")
     turn = erfa.rz(erfa.gmst82(2451545.0, float(days_since_j2000(instant))), np.eye(3))
