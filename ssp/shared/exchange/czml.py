@@ -10,6 +10,7 @@ error below 0.005 deg.
 from __future__ import annotations
 
 import json
+from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -72,7 +73,7 @@ def write_czml(names: Bodies, result: Result, path: Path, body: str | None, epoc
     clock = _Clock(rows, times, result.time[rows] - result.time[0])
     shown = {"interval": clock.span, "currentTime": _text(times[0]), "multiplier": 10}
     head = {"id": "document", "name": result.system, "version": "1.0", "clock": shown}
-    found = zip(bodies(names, result, body), COLOURS, strict=False)
+    found = zip(bodies(names, result, body), cycle(COLOURS), strict=False)
     packets = [_packet(each, colour, clock) for each, colour in found]
     with written(path) as target:
         target.write_text(json.dumps([head, *packets]), encoding="utf-8")

@@ -141,9 +141,10 @@ def _ephemeris(path: Path | str, text: str) -> Source:
     late = library("astropy.time", "exchange").TimeDelta(behind, format="sec")
     begin = (message.states[0].epoch + late).utc
     begin.precision = 9
-    note = "" if system in ("", "UTC") else f", times in {system}"
+    times = "" if system in ("", "UTC") else f", times in {system}"
+    axes = "turned into" if frame == "TEME" else "taken as"
     state = partial(_interpolated, message, frame, late)
-    return Source(path, moment(begin.isot), f"{frame} taken as N{note}", state)
+    return Source(path, moment(begin.isot), f"{frame} {axes} N{times}", state)
 
 
 def _time_system(text: str) -> str:

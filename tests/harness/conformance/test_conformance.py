@@ -116,7 +116,7 @@ FATAL = {
     "equal names": Fault('name="n"', 'name="k"', "two variables have this name"),
     "an empty name": Fault('name="n"', 'name=""', "has no name"),
     "an undefined type": Fault('"Length"/></Sc', '"Width"/></Sc', "type Width is not defined"),
-    "an unknown state": Fault('derivative="7"', 'derivative="70"', "variable 70, which"),
+    "an unknown state": Fault('derivative="7"', 'derivative="70"', "variable 70 does not exist"),
     "an unknown output": Fault('<Outputs><Unknown index="2"', '<Outputs><Unknown index="20"',
                                "variable 20 does not"),
     "an unknown dependency": Fault('index="8" dependencies="1"', 'index="8" dependencies="90"',
@@ -182,7 +182,7 @@ ODD = {
     "reinit": Fault('<Real unit="m"/>', '<Real unit="m" reinit="true"/>', "reinit is valid only"),
     "several sets": Fault('causality="input"', 'causality="input" '
                           'canHandleMultipleSetPerTimeInstant="true"', "only for inputs in model"),
-    "a shared reference": Fault('valueReference="2"', 'valueReference="0"', "only one of them can"),
+    "a shared reference": Fault('valueReference="2"', 'valueReference="0"', "one of them may be"),
     "a shared reference, other unit": Fault('valueReference="6"', 'valueReference="7"', "be equal"),
     "a constant alias": Fault(
         'valueReference="3" causality="local" variability="discrete">\n      <Integer/>',

@@ -31,6 +31,7 @@ from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.instants import epoch_of
 from ssp.shared.conventions import BODIES
+from ssp.shared.exchange import czml
 from ssp.shared.exchange.bodies import AU, EARTH, SUN, days_since_j2000, shadow, sun_direction
 from ssp.shared.exchange.ccsds import write_oem
 from ssp.shared.exchange.czml import ROWS, earth
@@ -426,6 +427,9 @@ def test_an_ephemeris_in_another_time_starts_at_the_same_instant(result, out, tm
             values = start_values(model, {"target": other}, epoch).values
             gap = np.array(values["target.r_0_N"]) - result["target.r_TN_N"][row]
             assert np.linalg.norm(gap) < (0.1 if system == "UT1" else 1e-6)  # 7.5 km/s, 10 us
+        other.write_text(other.read_text().replace("= EME2000", "= TEME"))
+        notes = start_values(model, {"target": other}).notes
+        assert notes[1] == f"target: other.oem, TEME turned into N, times in {system}"
 
 
 @pytest.mark.parametrize("system", ["TDB", "SCLK", "utc", "MET"])
@@ -575,6 +579,13 @@ def _ephemeris(path):
     lines = path.read_text().partition("META_STOP\n")[2].splitlines()
     rows = [line.split() for line in lines]
     return [(row[0], np.array(row[1:], dtype=float)) for row in rows]
+
+
+def test_no_body_is_left_out_for_want_of_a_colour(out, tmp_path, monkeypatch):
+    monkeypatch.setattr(czml, "COLOURS", ([1, 2, 3, 255],))
+    _, *packets = json.loads(convert(out, tmp_path / "out.czml", None, EPOCH).read_text())
+    colours = [each["point"]["color"]["rgba"] for each in packets]
+    assert colours == [[1, 2, 3, 255]] * 2
 
 
 def test_two_line_elements_give_the_run_their_date(tmp_path, monkeypatch):
