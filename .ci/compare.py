@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 Table = tuple[Any, dict[str, Any]]
-"""Times, and values by column."""
+"""Pair: times (rows,) [s], and values (rows,) by name of the column."""
 
 
 def read(path: Path) -> Table:

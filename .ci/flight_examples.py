@@ -75,7 +75,7 @@ def main() -> None:
     parser.add_argument("--fprime", type=Path)
     a = parser.parse_args()
     if not a.cfs and not a.fprime:
-        sys.exit("flight-examples: no checkout is named: make flight-examples FPRIME=../fprime")
+        sys.exit("flight-examples: name a checkout, as in make flight-examples FPRIME=../fprime")
     folder = a.folder.resolve()
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("code", "cfs", "fprime"):

@@ -21,7 +21,7 @@ def minimum(requirement: str) -> str:
 
 def requirements(project: dict[str, object], extra: str) -> list[str]:
     """Return the requirements of an extra, where `servicing-fmus[NAME]` is replaced by the
-    requirements of the extra NAME.
+    requirements of the extra NAME. project: table [project] of pyproject.toml.
     """
     extras: dict[str, list[str]] = project["optional-dependencies"]  # type: ignore[assignment]
     found = []

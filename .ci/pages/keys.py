@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from text import table
 
 Keys = Mapping[str, Mapping[str, tuple[str, str]]]
-"""Type and meaning of each key, by table of the file."""
+"""For each table of the file ("" is the top level), a pair of type and meaning by key."""
 
 SYSTEM: Keys = {
     "": {
@@ -101,7 +101,7 @@ CAMPAIGN: Keys = {
         "params": ("text", "Parameter set or file"),
         "set": ("table", "Parameters"),
         "swap": ("table", "FMUs by component"),
-        "map": ("table", "Ports of a swapped FMU by their names in the system"),
+        "map": ("table", "Names of ports in the system, by name in the swapped FMU"),
         "on": ("table", "Processors and boards by component"),
         "latency": ("table", "Macro steps of delay by component"),
         "step": ("number", "Macro step [s]"),
@@ -121,7 +121,7 @@ CAMPAIGN: Keys = {
     "record": {
         "histories": ("list of texts", "Variables to record in every run"),
         "bands": ("list of texts", "Variables with percentiles over all runs"),
-        "rows": ("whole number", "Instants of a time series"),
+        "rows": ("whole number", "Approximate upper limit of the instants of a time series"),
     },
     "sensitivity": {
         "of": ("list of texts", OF),
@@ -131,7 +131,7 @@ CAMPAIGN: Keys = {
     "worst": {
         "of": ("list of texts", OF),
         "runs": ("whole number", RUNS),
-        "box": ("number", "Standard deviations that each coordinate may move"),
+        "box": ("number", "Largest distance of each coordinate from 0, in standard deviations"),
     },
 }  # fmt: skip
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Values that pages quote from runs: <!--=NAME-->TEXT<!---->. NAME is one of VALUES, or
-`claims_MISSION` for the table of the claims of a mission. The page of the mission in the site shows
-the same table.
+"""Values that pages quote from runs. A page contains them as <!--=NAME-->TEXT<!---->, where NAME is
+a key of VALUES, or `claims_MISSION` for the table of the claims of a mission, which the page of the
+mission in the site also shows.
 
 `make quoted-values` does these runs and writes the texts into the pages. `make site` does the runs,
 too, and fails if a page quotes another text or a name that no run gives.
@@ -37,8 +37,10 @@ def facts() -> dict[str, str]:
 
 
 def plain(text: str, values: Mapping[str, str], source: str) -> str:
-    """Return a page without the comments around its quotations; ValueError for a name or text that
-    no run gives.
+    """Return the page `text` without the comments around its quotations; raise ValueError if a
+    quotation has a name that is not in `values`, or another text than the value of its name.
+
+    values: text of each quoted value by name; source: page, for the error message.
     """
 
     def checked(found: re.Match[str]) -> str:

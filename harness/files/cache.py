@@ -6,7 +6,7 @@ An entry appears completely or not at all. It is compared with its checksum at e
 again if it is damaged. Every process that uses the folder holds a lock on it until the process
 ends. A process that starts while no other process uses the folder removes the least recently used
 entries above the size limit, at most once an hour. HARNESS_CACHE names another folder; if it is
-empty or `off`, nothing is stored.
+empty, `off` or `0`, nothing is stored.
 
 The folder is used only if libraries can be loaded from it, it belongs to the user, no other user
 may enter it, and no folder above it lets others replace it. Otherwise a note states the reason and
@@ -67,7 +67,9 @@ def leave_out(path: Path, reason: str) -> None:
     """Stop using this folder as a cache for the rest of the process, and log the reason once."""
     if path not in _left_out:
         _left_out.add(path)
-        _log.warning("%s: not used as a cache, %s (see HARNESS_CACHE)", path, reason)
+        _log.warning(
+            "%s: not used as a cache, %s (set HARNESS_CACHE to another folder)", path, reason
+        )
 
 
 @lru_cache
@@ -126,8 +128,8 @@ MAX_ARCHIVE = 128 * 1024**2
 
 
 def unpacked(archive: Path) -> Path | None:
-    """Return a folder of the cache with the unpacked content of an archive, not to be changed; None
-    if there is no cache, or if the archive is damaged or larger than MAX_ARCHIVE.
+    """Return a folder of the cache with the unpacked content of an archive, which the caller must
+    not change; None if there is no cache, or if the archive is damaged or larger than MAX_ARCHIVE.
     """
     root = folder()
     content = None if root is None else _content(archive)
@@ -135,7 +137,8 @@ def unpacked(archive: Path) -> Path | None:
         return None
     try:
         return _entry(root / _word(content), lambda into: unpack(archive, into, content=content))
-    except (OSError, ArchiveError) as error:  # the caller unpacks and reports a damaged archive
+    # after None, the caller unpacks the archive itself and so reports if it is damaged
+    except (OSError, ArchiveError) as error:
         if reason := _fault(error):
             leave_out(root, reason)
         return None
@@ -148,7 +151,7 @@ def _content(archive: Path) -> bytes | None:
     try:
         return archive.read_bytes() if archive.stat().st_size <= MAX_ARCHIVE else None
     except OSError:
-        return None  # unpack() reports the fault
+        return None  # the caller then calls unpack(), which reports the fault
 
 
 def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
@@ -177,9 +180,9 @@ def has(name: str, key: bytes) -> bool:
 
 
 def computed(kind: str, key: bytes, compute: Callable[[], T]) -> T:
-    """Return compute(), or its value from an earlier call with the same kind and key, on which
-    alone it may depend. The cache stores the value as a pickle until the code of the harness
-    changes.
+    """Return compute(), or its value from an earlier call with the same kind and key; compute()
+    must depend on nothing else. The cache stores the value as a pickle, which is used until the
+    Python version or the code of the harness changes.
     """
 
     def write(file: Path) -> None:

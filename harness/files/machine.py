@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Processor and file format of a shared library, read from its first bytes (ELF, PE, Mach-O), and
-vector instructions of this processor.
+vector instructions of the processor on which this program runs.
 
 A library can be loaded if it has the processor and format of the running Python program.
 """
@@ -111,17 +111,17 @@ def _listed(kinds: frozenset[str]) -> str:
 
 @lru_cache
 def has_avx2() -> bool:
-    """Return whether this processor has the vector instructions AVX2 of x86-64."""
+    """Return whether the processor of this machine has the vector instructions AVX2 of x86-64."""
     return "avx2" in _instructions()
 
 
 def has_avx512() -> bool:
-    """Return whether this processor has AVX-512 F, DQ and VL."""
+    """Return whether the processor of this machine has the instructions AVX-512 F, DQ and VL."""
     return {"avx512f", "avx512dq", "avx512vl"} <= _instructions()
 
 
 def _instructions() -> set[str]:
-    """Return the flags in /proc/cpuinfo of this processor; empty if it is not an x86-64."""
+    """Return the flags of the processor in /proc/cpuinfo; empty if it is not an x86-64."""
     known = Path("/proc/cpuinfo")
     text = known.read_text(encoding="utf-8") if known.is_file() else ""
     flags = re.search(r"^flags\s*:(.*)", text, re.M)

@@ -61,10 +61,11 @@ NAMED = ("set", "swap", "map", "on", "latency")
 def apply(system: System, **changes: Unpack[Changes]) -> System:
     """Return the system with all changes of the user.
 
-    Order: named parameter set, epoch (to which the bodies in a table `[start]` are propagated),
-    swapped FMUs, file of parameters, single values, processors of components. Raises UsageError for
-    names that do not exist, StructureError for a parameter file with mistakes or a swapped FMU that
-    does not fit, FmuError for an FMU that does not build for its processor.
+    The changes are made in this order: named parameter set, epoch (to which the bodies in a table
+    `[start]` are propagated), swapped FMUs, file of parameters, single values, latencies,
+    processors of components. Raises UsageError for names that do not exist, StructureError for a
+    parameter file with mistakes or a swapped FMU that does not fit, FmuError for an FMU that does
+    not build for its processor.
     """
     if unknown := [name for name in changes if name not in Changes.__annotations__]:
         close = did_you_mean(unknown[0], Changes.__annotations__)
@@ -346,8 +347,9 @@ def _delayed(system: System, given: Given) -> System:
 
 def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> System:
     """Return the system with further requirements. given: mapping from the name of a requirement to
-    its text, or texts alone, each of which is then also the name. Only these requirements are
-    checked, because requirements of the system may need variables that a swap has removed.
+    its text, or texts alone, each of which is then also the name. Raises UsageError if one of these
+    requirements is not valid; earlier requirements of the system are not checked here, because they
+    may need variables that a swap has removed.
     """
     if not given:
         return system

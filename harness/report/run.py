@@ -69,7 +69,7 @@ def content(canvas: Canvas, result: Result) -> dict[str, Any]:
 
 
 def _figures(canvas: Canvas, result: Result) -> Iterator[Shown]:
-    """Yield the phase plots, and the figures that the mission defines for this result."""
+    """Yield the phase plots (a quantity against its rate), and the other figures of a result."""
     yield "phases", "phases", "", list(phases(canvas, result))
     with PAGE.used():
         for figure in figures_of(result):

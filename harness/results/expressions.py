@@ -318,7 +318,8 @@ def _tree(text: str) -> ast.expr:
     """Return Python's syntax tree of a text in which a number with a unit, `2 deg`, is replaced by
     the call `quantity(2, 'deg')`.
     """
-    with warnings.catch_warnings(action="error"):  # for `1if`, of which Python only warns
+    # reject also texts such as `1if x else y`, for which Python only gives a warning
+    with warnings.catch_warnings(action="error"):
         marked = QUANTITY.sub(r"quantity(\g<number>, '\g<unit>')", text)
         return ast.parse(marked, mode="eval").body
 

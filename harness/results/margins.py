@@ -22,7 +22,7 @@ from harness.results.result import Result
 from harness.system.units import convert
 
 ALL = slice(None)
-"""All rows of a result."""
+"""Index that selects all rows of a result."""
 ORDERS = ("<", "<=", ">", ">=")
 """Comparisons whose truth follows from their margin."""
 
@@ -80,8 +80,8 @@ class Single(NamedTuple):
 
 
 class Requirement:
-    """Requirement compiled to a program. The attributes below are numbers of the instructions of
-    this program that give a value.
+    """Requirement compiled to a program. Each attribute below is the number of the instruction of
+    this program that gives the described value.
 
     truth: 1, 0 or NaN for every row and element; margin: margin of every row, -inf where the margin
     of an element is NaN; elements: margin of every row and element; value, which: compared value of
@@ -91,9 +91,10 @@ class Requirement:
     A requirement with windows has a value in every row, for the windows that are relative to the
     time of this row; the value in the first row decides (`at_start` is True). Of the attributes
     above it has only truth and margin, both (rows, 1), and its truth is 1 where it holds, -1 where
-    it fails, NaN without evidence. Further attributes are undecided (whether one of its conditions
-    is NaN in any row) and empty: a mapping from each window, as text such as `0 to 60 s`, to
-    whether it lies within the run and yet contains no row, for the window of any row.
+    it fails, NaN without evidence. It has two further attributes. undecided: number of the
+    instruction that gives whether one of its conditions is NaN in any row; empty: by window, as
+    text such as `0 to 60 s`, the number of the instruction that gives whether this window, relative
+    to the time of any row, lies within the run but contains no row.
     """
 
     def __init__(self, tree: Node, unit: Callable[[str], str], program: Program) -> None:

@@ -78,8 +78,9 @@ def linearize(
 
     at: time of the operating point [s], a multiple of step; step: step of the model, h [s]; values:
     parameters and constant inputs by name, as texts or numbers, vectors as lists. Raises UsageError
-    for unknown names, rejected values or a time that is not a multiple of the step, and FmuError
-    and RunError.
+    for unknown names, rejected values or a time that is not a multiple of the step, FmuError if the
+    FMU cannot be read or loaded, and RunError if it fails in initialization or in a step, or if
+    there is no linear model.
     """
     steps = at / step if step > 0 else math.nan
     if not 0 <= steps < 2**53 or abs(steps - round(steps)) > 1e-9 * max(1.0, steps):
@@ -99,8 +100,8 @@ def linearize(
 
 def start_parameters(interface: Interface) -> dict[str, str]:
     """Return the names of the scalar outputs that may be states, each with the name of the
-    parameter that sets its start value. If two outputs have the same start parameter (position of
-    the body and of its centre of mass), only the first output is returned.
+    parameter that sets its start value. If two outputs have the same start parameter, as the
+    positions of a body and of its centre of mass, only the first output is returned.
     """
     found: dict[str, str] = {}
     for name in interface.outputs():
@@ -161,7 +162,10 @@ class _Differences:
         return values | {p: x for state, p, x in everything().restarts if state in values}
 
     def _follows(self, name: str, state: Mapping[str, float]) -> bool:
-        """Return whether the initial value of an output changes with its start parameter."""
+        """Return whether the initial value of the output `name` changes with its start parameter,
+        which self.starts contains. state: values at the operating point of all outputs that may be
+        states, by name.
+        """
         moved = state[name] + RELATIVE_STATE * max(1.0, _size(name, state))
         found = self._run({**self._restart(state), self.starts[name]: moved}, self.at, 0)
         return bool(found[self.names.index(name)] != state[name])
@@ -183,7 +187,9 @@ class _Differences:
             with np.errstate(over="ignore", invalid="ignore"):
                 columns[:, k] = (4 * fine - coarse) / 3
             if not np.isfinite(columns[:, k]).all():
-                raise self._no_model(f"the differences for the derivatives by {name} overflow")
+                raise self._no_model(
+                    f"the differences for the derivatives with respect to {name} overflow"
+                )
         return columns
 
     @np.errstate(over="ignore", invalid="ignore")

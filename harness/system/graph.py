@@ -142,8 +142,8 @@ SAMPLE_PERIOD = "sample_period"
 
 
 def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
-    """Yield an error message per component whose sampling instants are not all at the ends of its
-    steps; the message also states what to change.
+    """Yield a warning per component whose sampling instants are not all at the ends of the steps of
+    the component; the warning also states what to change.
     """
     every = {node.component.name: node.component.every for node in graph.nodes}
     for slot, period in constants(graph):
@@ -181,7 +181,7 @@ def rebuilt(system: System, known: System, graph: Graph) -> Graph:
     changed = [new for node, c in others if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     lost = any(node.component.parameters.keys() - c.parameters.keys() for node, c in others)
-    # an input can only become open if its value was removed; else open inputs are not searched
+    # an input becomes open only if its value is removed; strict=False avoids the search otherwise
     looked = system if lost else replace(system, strict=False)
     if any(value_problems(looked, interfaces, changed)):
         return build_graph(system)  # raises an error with all problems of the system
@@ -214,8 +214,8 @@ def _with_new_values(node: Node, component: Component) -> Component:
 
 
 def _adapted(node: Node, component: Component) -> Node:
-    """Return the node for `component`, which has the same FMU; only settings of parameters that
-    differ are computed again.
+    """Return the node for `component`, which has the FMU of `node`. Settings are computed again
+    only for parameters that differ from the parameters of `node`; others are taken from `node`.
     """
     if component is node.component:
         return node

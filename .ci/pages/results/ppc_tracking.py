@@ -32,7 +32,9 @@ def converged(result: Any) -> float:
 
 
 def after_a_minute(error: str) -> Any:
-    """Return a function for the largest error after 60 s; error: `range` [m], `attitude` [deg]."""
+    """Return a function that takes a result and returns its largest absolute error after 60 s;
+    error: `range` [m] or `attitude` [deg].
+    """
     from ssp.ppc_tracking import evaluations
     from ssp.shared.relative_motion import attitude_error
 
@@ -46,7 +48,7 @@ def after_a_minute(error: str) -> Any:
 
 
 def effort(result: Any) -> float:
-    """Return the integral of the commanded acceleration, summed over its axes [m/s]."""
+    """Return the integral of the absolute commanded acceleration, summed over its axes [m/s]."""
     command = np.abs(result["controller.a_cmd_L"]).sum(axis=1)
     return float(np.sum(command[1:] * np.diff(result.time)))
 
@@ -86,8 +88,8 @@ def by_bound() -> str:
 
 
 def settles(error: str) -> Any:
-    """Return a function for the time [s] from which an error stays within 2 % of its largest value;
-    error: `position` or `attitude`.
+    """Return a function that takes a result and returns the time [s] from which an error stays
+    within 2 % of its largest value; error: `position` or `attitude`.
     """
     from harness.results.expressions import settling_time
     from ssp.shared import relative_motion as motion

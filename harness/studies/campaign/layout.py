@@ -195,7 +195,10 @@ def wrong_names(table: Table) -> Iterator[str]:
                     "another name"
                 )
             elif not _holds(name):
-                rule = f"printable characters without / and \\, at most {LONGEST} bytes"
+                rule = (
+                    f"printable characters without / and \\, at most {LONGEST} bytes, not "
+                    "beginning with __, and not one of ., .., zarr.json"
+                )
                 yield f"{place}.{one_line(name)}: cannot be the name of an array: expected {rule}"
 
 

@@ -509,7 +509,8 @@ def test_a_full_cache_is_left_out(place, tmp_path, monkeypatch, caplog):
     made = [cache.made("x", b"key", lambda path: path.write_bytes(b"made")) for _ in range(3)]
     assert {path.read_bytes() for path in made} == {b"made"}
     assert notes(caplog) == [
-        f"{place}: not used as a cache, No space left on device (see HARNESS_CACHE)"
+        f"{place}: not used as a cache, No space left on device "
+        "(set HARNESS_CACHE to another folder)"
     ]
     assert entries(place) == []
 
