@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Draw the share of captured missions over the tumble rate, with the rates that limit a capture.
+"""Draw the share of runs with a capture over the tumble rate of the target, with the rates that
+limit a capture.
 
 python .ci/capture_picture.py results/servicing_mission_dispersions.zarr PICTURE.png
 """
@@ -18,7 +19,7 @@ from harness.studies.campaign.summary import wilson
 
 SYSTEM = "servicing_mission_navigated"
 NOMINAL = float(np.hypot(0.002, 0.01))
-"""Nominal tumble rate [rad/s]."""
+"""Nominal tumble rate of the target [rad/s]."""
 
 
 def shares(data: Any) -> list[tuple[float, int, int]]:
@@ -36,13 +37,16 @@ def shares(data: Any) -> list[tuple[float, int, int]]:
 
 
 def limits() -> dict[str, float]:
-    """Return largest tumble rates [rad/s] that the servicer can follow, by their texts in the
+    """Return the largest tumble rates [rad/s] that the servicer can follow, by their texts in the
     legend of the picture: two that its wheels limit, then two that its force limits.
 
-    "all force": to turn with the target at the least range of the fly-around, R_around, needs the
-    full force F_axis. "force within the budget: retreat": it needs the share `budget` of F_axis,
-    which the mission manager permits, with steer_least left for steering about the target; above
-    this rate the manager orders a retreat.
+    Wheels: J rate = share * largest momentum of a wheel, where J is the inertia of the servicer and
+    the share is 1, or bias_max + budget if the wheel has a bias before the servicer turns.
+
+    "all force": turning with the target at the least range of the fly-around, R_around, needs the
+    full force F_axis. "force within the budget: retreat": turning at this rate plus steer_least,
+    the rate left for steering about the target, needs the share `budget` of F_axis, which the
+    mission manager permits; above this rate the manager orders a retreat.
     """
     result = run(SYSTEM, stop=0.1)
     names: tuple[str, ...] = ("budget", "F_axis", "R_around", "steer_least", "J_S", "A_w")
@@ -60,7 +64,7 @@ def limits() -> dict[str, float]:
 
 
 def main(dataset: str, picture: str) -> None:
-    """Draw the picture."""
+    """Draw the picture; dataset: path of the .zarr with the runs; picture: path to write."""
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 

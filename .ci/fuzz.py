@@ -98,7 +98,7 @@ def input_lines(model: proofs.Model) -> Iterator[str]:
 
 
 def parameter_lines(model: proofs.Model) -> Iterator[str]:
-    """Yield the C statements that change parameters; whole numbers retain their start values."""
+    """Yield the C statements that change parameters, except parameters that are whole numbers."""
     for row in model.rows:
         if row.causality != proofs.PARAMETER or row.name in proofs.WHOLE:
             continue
@@ -151,7 +151,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     for name in ("folder", "file"):
         parser.add_argument(name, type=Path)
-    parser.add_argument("--seconds", type=int, default=SECONDS, help="time per component")
+    parser.add_argument("--seconds", type=int, default=SECONDS, help="time per component [s]")
     parser.add_argument("components", nargs="*")
     a = parser.parse_args()
     known, models = evidence.lines_of(a.file), proofs.models()

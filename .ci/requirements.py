@@ -113,7 +113,7 @@ def code(root: Path = ROOT) -> dict[str, tuple[tuple[Path, str], ...]]:
 
 
 def tests(root: Path = ROOT) -> dict[str, tuple[str, ...]]:
-    """Return by id the tests that verify it, as FILE::FUNCTION."""
+    """Return the tests that verify each requirement, as FILE::FUNCTION, by id of requirements."""
     found: dict[str, tuple[str, ...]] = {}
     for path in sorted((root / "tests").rglob("test_*.py")):
         text = path.read_text(encoding="utf-8")
@@ -172,7 +172,7 @@ def record(folder: Path, selected: Iterable[str]) -> dict[str, set[tuple[str, st
 
 def build_recording(folder: Path) -> None:
     """Build in folder/fmus the FMUs of flight software with functions that call the recorder on
-    entry. All other FMUs are links to the build.
+    entry. All other FMUs in this folder are links to the FMUs in build/fmus.
     """
     (folder / "fmus").mkdir(parents=True, exist_ok=True)
     (folder / "recorder.c").write_text(RECORDER, encoding="utf-8")
@@ -241,8 +241,8 @@ def misses(t: Trace, reached: Mapping[str, set[tuple[str, str]]]) -> Iterator[st
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> bool:
-    """Create every fixture anew for each test, so that the functions that a fixture calls count for
-    every test that uses it.
+    """Run a test with new instances of all fixtures, so that the functions that a fixture calls
+    count for every test that uses it. Return True: pytest must not run the test again.
     """
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     runtestprotocol(item, nextitem=None)

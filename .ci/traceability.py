@@ -8,9 +8,9 @@ The folder has FMUs in fmus/ and fmus3/ and systems in ssp/. The file of an FMU 
 and their source, the hash of its sources, the options of its compiler and the results of the cases
 of `harness validate`. The file of a parameter set states the verdicts of requirements and claims in
 its run. If the build contains a system twice, with FMUs of FMI 2.0 and of FMI 3.0, and the first
-macro steps of the two have the same bits, only one of the two is run, and the file of the other
-names it. An entry whose value is not known is omitted. The same build gives the same bytes: the
-files contain no date and no name of a person.
+macro steps of the two have the same bits, only one of the two is run, and the .srmd files of the
+other one name the system that was run. An entry whose value is not known is omitted. The same build
+gives the same bytes: the files contain no date and no name of a person.
 """
 
 from __future__ import annotations
@@ -54,7 +54,11 @@ Entry = tuple[str, str]
 
 
 def srmd(name: str, data: str, content: bytes, kind: str, entries: Iterable[Entry]) -> bytes:
-    """Return the .srmd file of a resource; data: path of the resource relative to the file."""
+    """Return the .srmd file of a resource (an FMU or a system).
+
+    data: path of the resource relative to the .srmd file; content: bytes of the resource; kind:
+    "model" or "parameters", the subject of the entries.
+    """
     for prefix, space in (("srmd", SRMD), ("stc", STC)):
         ElementTree.register_namespace(prefix, space)
     root = ElementTree.Element(f"{{{SRMD}}}SimulationResourceMetaData")

@@ -104,7 +104,8 @@ def _build_c(source: Path, output: Path, compiler: str, fmi: int) -> None:
 def _build_python(source: Path, folder: Path) -> Path:
     if importlib.util.find_spec("pythonfmu") is None:
         raise UsageError(
-            f"{source}: an FMU in Python needs PythonFMU, the extra `python`: pip install pythonfmu"
+            f"{source}: an FMU in Python needs PythonFMU: pip install pythonfmu (or install "
+            "servicing-fmus with its extra `python`)"
         )
     helper = [sys.executable, "-m", "pythonfmu", "build"]
     _run([*helper, "-f", str(source.resolve()), "-d", str(folder)], source)

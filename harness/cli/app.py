@@ -35,8 +35,8 @@ MODULES = {
     "models": "new build export linearize processor serve",
 }
 HOMES = {name: module for module, names in MODULES.items() for name in names.split()}
-"""Name of the module that contains each command, by command, in the order in which --help lists the
-commands.
+"""Module of harness.cli that contains a command, by name of the command, in the order in which
+--help lists the commands.
 """
 
 INTERRUPTED = 130

@@ -127,7 +127,8 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
     Without -o the results are in results/SYSTEM.nc. With --like RESULT the exit status is 1 if the
     bits differ from that result.
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has no work for threads of OpenBLAS
+    # OpenBLAS starts no further threads, since they would have no work in a run
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from harness.files.cache import with_second_try
     from harness.results.files import ResultFile
     from harness.studies.rerun import agreement

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Replay of a result, which a mission builds, with its timeline: title, phases and events.
+"""Replay of a result, with a title and a timeline of phases and events.
 
-A mission can define phases and events of its own. This module adds as events the worst instant of
-each requirement, the first violation of each safety rule, and each passage into or out of the
-shadow of the planet.
+The mission of the result builds the scene, and can define phases and events. This module adds as
+events the worst instant of each requirement, the first violation of each safety rule, and each
+passage into or out of the shadow of the planet.
 """
 
 from __future__ import annotations
@@ -27,14 +27,16 @@ from harness.system.values import base
 
 Scene = dict[str, Any]
 DARK = 0.5
-"""Share of the disc of the Sun that is covered by the planet, above which the bodies count as in
-the shadow.
+"""Limit of the share of the Sun's disc that the planet covers; with a larger share, the bodies are
+in the shadow.
 """
 
 
 def replay(result: Result, arrays: Arrays) -> Scene | None:
     """Return the scene of the replay of a result, with its title and all events in the order of
-    time; None if the mission has no scene for it, or fewer than two rows can be drawn.
+    time; None if the mission has no scene for the result, or fewer than two rows can be drawn.
+
+    arrays: arrays of the page, to which the arrays of the scene are added.
     """
     for kind in of_result(result).scene:
         if result.holds(*kind.needs, parameters=kind.parameters):
@@ -54,7 +56,7 @@ def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | Non
     begin with the label of the run; None if the missions of the runs have no scene for several
     runs.
 
-    results: by label of the run.
+    results: by label of the run; arrays: as for replay().
     """
     for kind in together(map(of_result, results.values())).scene:
         shown = {

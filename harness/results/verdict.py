@@ -39,8 +39,8 @@ class Kind(Enum):
     RULE = "safety rule"
 
     def word(self, verdict: Verdict) -> str:
-        """Return the name of a verdict on a statement of this kind: a requirement is met, a claim
-        reproduced.
+        """Return the name of a verdict on a statement of this kind: Verdict.MET, which equals
+        REPRODUCED, is "met" for a requirement and "reproduced" for a claim.
         """
         return WORDS[self].get(verdict) or OPEN[verdict]
 
@@ -61,7 +61,7 @@ WORDS = {
     Kind.RULE: {Verdict.HOLDS: "holds", Verdict.VIOLATED: "violated"},
 }
 OPEN = {Verdict.NOT_EXERCISED: "not exercised", Verdict.NOT_JUDGED: "not judged"}
-"""Names of the verdicts without a decision, which are equal for all kinds."""
+"""Names of the verdicts that leave a statement undecided; all kinds of statement share them."""
 
 
 class Outcome(NamedTuple):
@@ -76,9 +76,11 @@ class Outcome(NamedTuple):
 def missed(
     outcomes: Iterable[Outcome], required: Collection[str] = (), strict: bool = False
 ) -> list[str]:
-    """Return a line for every outcome that causes exit status 1: requirements named in `required`
-    that are not fulfilled, claims that are not exercised or not judged, and, if `strict`, every
-    outcome that is not fulfilled.
+    """Return a line for every outcome that causes exit status 1.
+
+    These are each requirement named in `required` whose verdict is not fulfilled, each claim with
+    the verdict NOT_EXERCISED or NOT_JUDGED, and, if `strict`, every outcome whose verdict is not
+    fulfilled (see Verdict.fulfilled).
     """
     return [
         f"{each.kind.value} {each.text}"

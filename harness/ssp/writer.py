@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Writer of .ssp files in the dialect that FMPy, libcosim, ecos and OMSimulator all accept.
+"""Writer of .ssp files in the form that FMPy, libcosim, ecos and OMSimulator all accept.
 
 XML prefixes are those that these tools expect, the root declares the OSP namespace, every connector
-has its type, and no system is nested. Each component has its own .ssv, and the parameter sets in
-all these files have the same name. OMSimulator rejects a file with annotations outside of the root
-system and the experiment, or with a geometry of the system, so neither is written. The same system
-always gives the same bytes. The version is SSP 1.0 if all FMUs are of FMI 2.0, else SSP 2.0, which
-supports the types and arrays of FMI 3.0.
+has its type, and no system is nested. Each component with parameters has its own .ssv, and the
+default parameter sets in all these files have the same name. OMSimulator rejects a file that has
+annotations elsewhere than in the root system and the default experiment, or a geometry of the
+system; so neither is written, except for step size hints on request. The same system always gives
+the same bytes. The version is SSP 1.0 if all FMUs are of FMI 2.0, else SSP 2.0, which supports the
+types and arrays of FMI 3.0.
 """
 
 from __future__ import annotations
@@ -111,7 +112,7 @@ class _Writer:
         self._connections(top)
         annotations = child(top, "ssd:Annotations")
         if self.system.experiment.step:
-            self._fixed_step(annotations)  # first: OMSimulator reads no other annotation
+            self._fixed_step(annotations)  # OMSimulator reads only the first annotation
         self._run(annotations)
         used = list(chain.from_iterable(self.connected.values()))
         self._enumerations(root, used)
@@ -143,7 +144,7 @@ class _Writer:
 
     def _connectors(self, element: XmlElement, component: str) -> int:
         """Write the connected inputs along the left edge of a component and the outputs along its
-        right edge, from top to bottom; return the larger one of the two numbers.
+        right edge, from top to bottom; return the number of connectors on the longer edge.
 
         Positions are relative to the component: (0, 0) is its lower left corner, (1, 1) its upper
         right one. An array of FMI 3.0 has one connector for all elements.
@@ -199,7 +200,7 @@ class _Writer:
                 attributes(connection, **{f"{side}Element": port.component})
                 attributes(connection, **{f"{side}Connector": end.connector})
                 attributes(connection, **{f"{side}Indices": " ".join(map(str, end.indices))})
-            if each.hops:  # one transformation that includes all hops and units
+            if each.hops:  # one transformation for all conversions (hops) and units
                 change = way(each, self.interfaces)
                 attributes(connection, suppressUnitConversion=True)
                 if change != IDENTITY:
@@ -217,7 +218,7 @@ class _Writer:
             child(algorithm, "osp:FixedStepAlgorithm", **fixed)
 
     def _run(self, annotations: XmlElement) -> None:
-        """Write our annotation, with the run settings that SSP has no element for."""
+        """Write the annotation of this package: run settings for which SSP has no element."""
         annotation = child(annotations, "ssc:Annotation", type=xml.RUN_ANNOTATION)
         run = etree.SubElement(annotation, tag("run:Run"), nsmap={"run": NS["run"]})
         system, experiment = self.system, self.system.experiment

@@ -2,7 +2,7 @@
 """Systems as plain data: components, connections, units, parameters, graph and schedule.
 
 Input: tables of TOML, and model descriptions of FMUs as FMPy reads them. Output: a System with its
-Graph (which component reads which slot of the bus) and its schedule, or all problems of the system
-at once. This package reads no XML and calls no FMU. A System is immutable; a change makes a new
-one.
+Graph (which component reads which outputs of other components) and its schedule, or all problems of
+the system at once. This package reads no XML and calls no FMU. A System is immutable; a change
+makes a new one.
 """

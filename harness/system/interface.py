@@ -224,9 +224,9 @@ def binary_problem(interface: Interface) -> str | None:
 
 
 def units_agree(a: str | None, b: str | None) -> bool:
-    """Return whether units a and b at the ends of a connection have the same name, or at least one
-    of them is not declared (None). Systems of the project require this, files of other tools do
-    not.
+    """Return whether units a and b have the same name, or at least one is not declared (None). The
+    ends of a connection without conversions must agree in this way in a `strict` system, such as
+    the systems of the project, but not in files of other tools.
     """
     return a is None or b is None or a == b
 
@@ -277,7 +277,9 @@ def _elements(d: Description, v: Declared, optional: bool) -> Iterator[Variable]
 
 
 def _whole(d: Description, v: Declared, optional: bool) -> Variable:
-    """Return a Variable with the properties that all elements of the array `v` share."""
+    """Return a Variable with the properties that all elements of the array `v` share; optional:
+    whether the FMU declares `v` as an optional input.
+    """
     items = dict(d.enumerations).get(v.type_name, [])
     is_fixed = v.variability == "constant" or v.causality in ("structuralParameter", "independent")
     has_limits = v.type in ("Real", "Integer")

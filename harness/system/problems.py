@@ -112,7 +112,10 @@ def _misfit(
     they do. Units must be equal in a `strict` system, because other tools do not convert units.
     """
     if source.type != target.type or source.type in NO_NUMBERS:
-        return f"is {target.type}, cannot be driven by {connection.source}, a {source.type}"
+        return (
+            f"has type {target.type}, cannot be driven by {connection.source} of type "
+            f"{source.type}; use numbers of one type"
+        )
     unequal = f"expected unit {target.unit}, {connection.source} has {source.unit}"
     try:
         change = way(connection, interfaces, strict=True)
@@ -124,7 +127,7 @@ def _misfit(
     except ValueError as error:
         return f"{unequal} ({error})"
     if change != IDENTITY and target.type != "Real":
-        return f"is {target.type}, only a Real signal can be transformed"
+        return f"has type {target.type}, but only the type Real can be scaled or converted"
     is_equal = connection.hops or units_agree(source.unit, target.unit)
     return unequal if strict and not is_equal else None
 

@@ -295,7 +295,7 @@ def test_binary_variables_run_unconnected(built):
 
 def test_binary_variables_cannot_be_connected(built):
     system = system_of({"a": built["every"], "b": built["every"]}, [("a.picture", "b.data")])
-    with pytest.raises(StructureError, match=r"is Binary, cannot be driven by a\.picture"):
+    with pytest.raises(StructureError, match=r"has type Binary, cannot be driven by a\.picture"):
         build_graph(system)
 
 

@@ -13,12 +13,12 @@ INSTANCES = {
     "SRA06": ("230 to 240", "safe"), "SRA07": ("50 to 150", "safe"),
     "SRA08": ("0 to 240", "safe"), "SRU01": ("260", "unsafe"), "SRU02": ("0 to 260", "unsafe"),
 }  # fmt: skip
-"""Time of the abort [min] and published verdict, by instance of the benchmark."""
+"""Time of the abort [min] (none: no abort) and published verdict, by instance of the benchmark."""
 
 
 def box(result: Any) -> tuple[float, ...]:
-    """Return the least distance of the servicer to the box around the target that it must not
-    enter while it drifts [m], negative inside, and the time after which there is no thrust [min].
+    """Return the least distance [m] between the drifting servicer and the box around the target
+    that it must not enter, negative inside, and the time after which there is no thrust [min].
     """
     from ssp.arch_rendezvous import claims
 
@@ -31,7 +31,7 @@ def verdict(result: Any) -> str:
 
 
 def instances() -> str:
-    """Return a table of all parameter sets of the system."""
+    """Return a table of all instances, with the published verdict and the verdict of the run."""
     runs = {f"{name}, {abort}, {word}": f"arch_rendezvous --params {name} --every 50"
             for name, (abort, word) in INSTANCES.items()}  # fmt: skip
     return of_runs("instance, abort [min], published", runs, [

@@ -101,11 +101,13 @@ class Normal(Struct, frozen=True):
         return Draw(m.size, value)
 
     def _probabilities(self, m: Array, s: Array) -> tuple[Any, Any, Any]:
-        """Return three arrays by element: a sign 1 or -1, the distribution function at the lower
-        end of `within`, and its increase up to the upper end. m: means; s: standard deviations.
+        """Return three arrays with a value per element, or 1, 0, 1 without `within`: a sign, the
+        distribution function at the lower end of the interval `within`, and its increase up to the
+        upper end. m: means; s: standard deviations.
 
-        An interval above the mean is mirrored at the mean (sign -1), because floating-point numbers
-        near 1 cannot represent the distribution function of the upper tail precisely.
+        If the interval is above the mean, the sign is -1 and the other two values belong to the
+        interval mirrored at the mean, because floating-point numbers near 1 cannot represent the
+        distribution function of the upper tail precisely. Otherwise the sign is 1.
         """
         if self.within is None:
             return 1.0, 0.0, 1.0
@@ -114,14 +116,18 @@ class Normal(Struct, frozen=True):
         side = np.where(lowest > m, -1.0, 1.0)
         ends = _normal_below(side * (lowest - m) / s), _normal_below(side * (highest - m) / s)
         low, width = np.minimum(*ends), np.abs(ends[1] - ends[0])
-        _demand(width > LEAST_PROBABILITY, f"limits `within` nearer to the mean, not {self.within}")
+        _demand(
+            width > LEAST_PROBABILITY,
+            f"limits `within` nearer to the mean, not {self.within}: the probability of values "
+            "between these limits is almost 0",
+        )
         return side, low, width
 
     def _correlated(self) -> Draw:
         """Return the distribution x = mean + L z with L L^T = covariance and a standard normal
         vector z.
         """
-        _demand(self.within is None, "`within` only with sigma, not with a covariance")
+        _demand(self.within is None, "no `within` with a covariance: limits need sigma")
         m = np.asarray(self.mean, dtype=np.float64)
         _demand(m.ndim == 1, f"a vector as mean, not {self.mean}")
         size = f"a symmetric, positive definite covariance, {m.size} x {m.size}"
@@ -350,7 +356,9 @@ SAMPLERS: dict[str, Callable[[int, int, int], Array]] = {
     "latin-hypercube": _latin_hypercube,
     "sobol": _sobol,
 }
-"""Functions (n, d, seed) that return numbers between 0 and 1 (n, d), by name of the sampler."""
+"""Functions of (n, d, seed) that return numbers between 0 and 1, in an array (n, d), by name of the
+sampler; n: number of draws; d: numbers per draw.
+"""
 
 
 def numbers(sampler: str, n: int, d: int, seed: int) -> Array:

@@ -292,7 +292,7 @@ def test_a_mistake_in_python_is_reported(tmp_path):
 def test_without_pythonfmu_the_extra_is_named(tmp_path, monkeypatch):
     created = new_component("mine", language="python", folder=tmp_path)
     monkeypatch.setattr(building.importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(HarnessError, match="needs PythonFMU, the extra `python`"):
+    with pytest.raises(HarnessError, match="needs PythonFMU: pip install pythonfmu"):
         build(created.folder)
 
 

@@ -364,7 +364,7 @@ def test_units_convert_back_and_forth_through_connectors_of_systems(simulate_cas
             system(
                 "top", [component("m", "mixed"), component("n", "mixed")], [f"m.n n.i {linear(2)}"]
             ),
-            "n.i: is Integer, only a Real signal can be transformed",
+            "n.i: has type Integer, but only the type Real can be scaled or converted",
         ),
         (
             pair(f"count.n gain.u {linear(math.inf)}".replace("inf", "INF")),

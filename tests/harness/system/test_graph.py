@@ -38,7 +38,10 @@ def test_slots_are_contiguous_per_component_and_inputs_point_at_their_sources(ma
             "c.t_last > gain.u",
             "gain.u: expected unit 1, c.t_last has s (s [s] cannot be converted to 1 [1])",
         ),
-        ("c.n > m.i", "m.i: is Integer, cannot be driven by c.n, a Real"),
+        (
+            "c.n > m.i",
+            "m.i: has type Integer, cannot be driven by c.n of type Real; use numbers of one type",
+        ),
     ],
 )
 def test_a_connection_that_cannot_be_is_rejected(make, wire, problem):
