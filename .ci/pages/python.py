@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pages of the Python API: the public names, for mkdocstrings to fill in from their docstrings."""
+"""Pages of the Python API: public names, which mkdocstrings replaces by their docstrings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PACKAGES = {
 
 
 def names(package: str) -> list[str]:
-    """Return the public names of a package, except its version and names that another page has."""
+    """Return the public names of a package, except its version and names on another page."""
     module = import_module(package)
     listed = getattr(module, "__all__", None) or [
         name for name, value in vars(module).items()
@@ -51,4 +51,4 @@ def pages() -> Iterator[tuple[str, str]]:
 
 
 CHANGES = "harness.master.changes.Changes"
-"""Class of the keyword arguments of run() and Simulation."""
+"""Dotted path of the class that defines the keyword arguments of run() and Simulation."""

@@ -71,7 +71,7 @@ def export(  # noqa: PLR0913 - one argument per option
                 _write_fmu(changed, graph, file, fmi or 2, scalars)
             else:
                 write_ssp(changed, file, ssp, hints=hints)
-        except ValueError as error:  # of lxml: XML cannot contain a control character
+        except ValueError as error:  # raised by lxml: XML cannot contain a control character
             raise ResultsError(f"{file}: cannot be written ({error})") from error
     return file
 

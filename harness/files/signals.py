@@ -25,7 +25,8 @@ _depth = 0
 @contextmanager
 def held() -> Iterator[None]:
     """Delay signals until the end of the `with` block, or of the outermost one if such blocks are
-    nested. In a thread other than the main thread this has no effect, since it receives no signals.
+    nested. In a thread other than the main thread this has no effect, since only the main thread
+    handles signals.
     """
     global _depth  # noqa: PLW0603 - there is one set of signal handlers
     if _depth or threading.current_thread() is not threading.main_thread():
@@ -36,7 +37,7 @@ def held() -> Iterator[None]:
     try:
         yield
     except BaseException:
-        _pending.clear()  # discard them: the exception already ends the program
+        _pending.clear()  # discard the signals: the exception already ends the program
         raise
     finally:
         _depth = 0

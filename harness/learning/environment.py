@@ -117,7 +117,8 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
 
         If the environment has a campaign (`factors`), the episode starts like run k of this
         campaign: k is options["run"], or else the seed, or else k of the last episode plus
-        `stride`, modulo the number of runs.
+        `stride` (0 in the first episode), all modulo the number of runs. `stride` is the number of
+        environments in a vector of environments, by default 1.
         """
         super().reset(seed=seed)
         plan, given = self._plan, (options or {}).get("run", seed)
@@ -144,7 +145,9 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         self._constants = self._given()
 
     def _given(self) -> list[float]:
-        """Return the values in the scoring that depend only on the parameters of this episode."""
+        """Return the parts of the scoring that are constant in this episode, since they depend only
+        on parameters.
+        """
         return self.scoring.values.constants(x for _, x in constants(self.simulation.graph))
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:

@@ -104,8 +104,8 @@ def actuator_limits(system: System) -> dict[str, Bound]:
     `component.name_max`, or of their elements, that are above 0 and below FAR, by name. The values
     are from the parameter set that the system defines for comparisons, if there is one.
 
-    The same limits are also returned under `name_max`, for outputs that reach an actuator through
-    other components.
+    The same limits are also returned under `name_max`, without the component, for outputs that
+    reach an actuator through other components.
     """
     changed = apply(system, params=system.compared) if system.compared else system
     values = ((slot.name, x) for slot, x in constants(build_graph(changed)))
@@ -125,9 +125,9 @@ def _bounded(name: str, wire: Wire, reader: tuple[str, Any], limits: Limits) -> 
     The bounds are the intersection of the limits that the FMUs declare for the output and for the
     input that reads it, and of the first entry in `limits` for this output. The name of such an
     entry is the name of the output with its component, or it is derived from the name of the input:
-    `_max` replaces `_cmd` or `_safe` and all that follows, or is appended, and the component may be
-    omitted. So `propulsion.F_max` or `F_max` limits an output that drives `propulsion.F_cmd_S`. An
-    entry for a vector applies to each of its elements.
+    `_cmd` or `_safe` and all that follows are removed if present, and `_max` is appended; the
+    component may be omitted. So `propulsion.F_max` or `F_max` limits an output that drives
+    `propulsion.F_cmd_S`. An entry for a vector applies to each of its elements.
 
     reader: component that reads the output ("": none), and its input.
     """

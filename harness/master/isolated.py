@@ -140,7 +140,7 @@ class _Run:
         recorder = self.simulation.recorder
         memory = _Memory(block(recorder.table.nbytes), block(recorder.progress.nbytes))
         memory.share(self.simulation)
-        ready = self.simulation if child.FORK else None  # None: the child makes its own
+        ready = self.simulation if child.FORK else None  # None: the child creates a simulation
         self._order = system, how, memory, ready
         self.calls: list[tuple[str, str]] | None = None
         self.error: Exception | None = None
@@ -242,7 +242,7 @@ def _run(
     are freed, because freeing may crash.
     """
     if simulation is None:
-        with noted():  # without logging: the parent has already logged these notes
+        with noted():  # log no notes: the parent has already logged them
             simulation = Simulation(system, **how)
         memory.share(simulation)
     recorder, error = simulation.recorder, None

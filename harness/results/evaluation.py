@@ -77,7 +77,7 @@ def _measured(node: Node, unit: Callable[[str], str]) -> Measured:
             numbers = [part.unit for part in node.parts if part.kind == "number"]
             written = next(filter(None, numbers), "")
     elif node.name in ("*", "/") and all(unit not in ("", "1", None) for _, unit in parts):
-        with suppress(ValueError):  # m / km is a number without unit, m * km is m2
+        with suppress(ValueError):  # km to m, so that m * km is m2; m / s is not converted
             parts[1] = _fitting(parts[1], parts[0])
     made = replace(node, parts=tuple(part for part, _ in parts), unit=written)
     return made, _unit(made, [unit for _, unit in parts])

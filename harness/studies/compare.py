@@ -193,8 +193,8 @@ class Comparison:
 
     def findings(self) -> list[str]:
         """Return the lines of a table of runs and requirements, then one line per finding about a
-        requirement that is not met or has no verdict, which begins with the labels of the runs with
-        this finding; [] without requirements.
+        requirement that is not met or has no verdict; [] without requirements. The line of a
+        finding begins with the labels of all runs with this finding.
         """
         found = {label: findings(result) for label, result in self.results.items()}
         lines: dict[str, list[str]] = {}

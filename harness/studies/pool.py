@@ -311,7 +311,7 @@ def _own_start() -> Iterator[None]:
         life.callback(sys.modules.__setitem__, "__main__", sys.modules["__main__"])
         sys.modules["__main__"] = ModuleType("__main__")
         if os.name == "posix":
-            resource_tracker.ensure_running()  # before SIGINT is blocked: this start unblocks it
+            resource_tracker.ensure_running()  # unblocks SIGINT, so it precedes the next line
             before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             life.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
         for name in ENVIRONMENT.keys() - os.environ.keys():

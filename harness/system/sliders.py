@@ -65,9 +65,9 @@ def _slider(name: str, given: Range, interfaces: Interfaces) -> Slider:
     least, largest = (None if x is None or abs(x) >= BOUND else x for x in both)
     low, high = (a if a is not None else b for a, b in zip(given, (least, largest), strict=True))
     if low is None or high is None:
-        raise ValueError("the FMU declares no range; give one as [least, largest]")
+        raise ValueError("the FMU declares no range with both limits; give one as [least, largest]")
     if not low < high:
         raise ValueError(f"expected [least, largest], got [{low:g}, {high:g}]")
     if (least is not None and low < least) or (largest is not None and high > largest):
-        raise ValueError(f"{low:g} to {high:g} exceeds the range of the FMU")
+        raise ValueError(f"{low:g} to {high:g} exceeds the range of the FMU; give a range inside")
     return Slider(name, variable, low, high)

@@ -38,8 +38,9 @@ servicing_mission takes 250 MB.
 
 
 class Column(NamedTuple):
-    """Column of a table: title, value of a result (one number, several, or a text) and its format;
-    a value that is not finite is shown as a dash.
+    """Column of a table: title; expression, name of a metric, or function of the result that gives
+    the value (one number, several, or a text); format of numbers. The cell is a dash if one of its
+    numbers is not finite.
     """
 
     title: str

@@ -203,8 +203,9 @@ def text(store: Store, shown: str) -> str:
 class Share(NamedTuple):
     """Share of runs that succeeded or that met a requirement.
 
-    met: number of runs that succeeded or met it; evaluated: number of runs with a verdict; missed,
-    unjudged: indices of the runs that did not, and of the runs without a verdict.
+    met: number of runs that succeeded or met the requirement; evaluated: number of runs with a
+    verdict; missed: indices of the runs that did not succeed or did not meet the requirement;
+    unjudged: indices of the runs without a verdict.
     """
 
     met: int
@@ -464,8 +465,9 @@ def _failures(store: Store, shown: str) -> Iterator[str]:
 
 def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
     """Return the metric that ranks the worst runs, and the numbers of the worst runs, at most
-    WORST: those with the largest values, or with the smallest if a minus precedes the metric in
-    `worst`.
+    WORST: those with the largest values, or with the smallest if a minus precedes the metric.
+
+    The entry `worst` in the file of the campaign names the metric (default: the first metric).
     """
     needed = store.plan().table.worst
     given = needed if needed and isinstance(needed, str) else next(iter(metrics))
