@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Compute the least impulses of the runs in docs/how_good.md, print the tables of that page, and
-write the optima to ssp/shared/optima.json, from which `harness compare` computes its metric
-`x optimum`.
+write the optima to ssp/shared/optima.json. `harness compare` divides the impulse of a run by
+the optimum in this file (metric `x optimum`).
 
     python .ci/bounds.py                                          # 6 minutes
 """
@@ -43,7 +43,8 @@ def laws(cases: dict[str, list[optima.Leg]]) -> None:
     """Print a row per entry of LAWS: impulse, optimum and ratio for the sum of the absolute force
     components as cost; optimum and ratio for the norm of the force as cost; distance between the
     end of the optimal path and the end of a simulation with the optimal force. Store the optimum of
-    the first controller of each system and parameter set in `cases`, under the key optima.case().
+    the first controller of each system and parameter set in `cases`, by the key that
+    optima.case() returns for the run.
     """
     print(
         "| case | controller | impulse | optimum [N s] | ratio | optimum of the norm | ratio | "
@@ -65,8 +66,8 @@ def _bound(system: str, params: str, law: str, cost: str) -> Answer:
 def phases(cases: dict[str, list[optima.Leg]]) -> None:
     """Print, for three parameter sets of the servicing mission, the velocity increments of its
     phases beside their optima, then the optimum of each phase without one of its constraints, one
-    row per constraint [m/s]. Store the optima of the phases in `cases`, under the key
-    optima.case().
+    row per constraint [m/s]. Store the optima of the phases in `cases`, by the key that
+    optima.case() returns for the run.
     """
     for params in (None, "optimal", "limited"):
         found = bound("servicing_mission", params=params)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Write every system of a release a second time, as SSP 2.0 with FMUs of FMI 3.0: NAME.fmi3.ssp
-beside NAME.ssp. Both give the same bits.
+beside NAME.ssp. The results of both files agree bit for bit.
 
 python .ci/reference_systems.py dist        # make release
 """

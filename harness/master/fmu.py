@@ -36,7 +36,9 @@ HEARD = (
     *("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal"),
     messages.STATISTICS,
 )
-"""Log categories of FMI 2.0 whose messages are requested; all other categories stay off."""
+"""Log categories whose messages are requested from an FMU: four categories of FMI 2.0, and one of
+the FMUs of the project. All other categories stay off.
+"""
 
 REASONS = {
     TERMINATION: "requested termination",
@@ -52,8 +54,8 @@ DOING = {
 
 
 def _is_python(interface: Interface) -> bool:
-    """Return whether the tool PythonFMU built an FMU. Such an FMU reports exceptions only if its
-    logging is on.
+    """Return whether the tool PythonFMU built an FMU. The logging of such an FMU must be on from
+    its instantiation, because otherwise it does not report its exceptions.
     """
     return "PythonFMU" in str(interface.model.generationTool or "")
 
@@ -81,8 +83,9 @@ class Instance:
         """Unpack, load and instantiate the FMU of a node; raise FmuError if that fails.
 
         folder: function that returns the folder for unpacked third-party FMUs; ours: whether the
-        FMU belongs to the project (None: decided by its bytes). An FMU of the project has no global
-        variables, resets completely, and has finite outputs only.
+        FMU belongs to the project (None: decided by its bytes). Such an FMU has no global
+        variables, resets completely, and has finite outputs only, so instances share its unpacked
+        files, the next run may reuse the instance, and loop.c does not check its outputs.
         """
         self.name = node.component.name
         self._states: list[ctypes.c_void_p] = []
@@ -108,7 +111,7 @@ class Instance:
         messages.forget(self.name)
         try:
             return Calls(self.name, interface, folder, library, logging=_is_python(interface))
-        except Exception as error:  # any error of the library
+        except Exception as error:  # loading a library can raise any error
             message = messages.take_error(self.name) or " ".join(str(error).split())
             reason = binary_problem(interface) or message
             file = interface.path.name
@@ -247,8 +250,8 @@ class Instance:
             self.raise_if_failed(verb, status, time, transfer)
 
     def propagate(self, verb: Verb, bus: NDArray[np.float64], time: float) -> None:
-        """Perform SET or GET in initialization mode. GET accepts outputs that are not finite yet.
-        SET skips all inputs of one FMI type while the value of one of them is not finite.
+        """Perform SET or GET outside the schedule, as in initialization mode. GET accepts outputs
+        that are not finite yet. SET skips a transfer while one of its values is not finite.
         """
         messages.note_call(self.name, verb.call(self.node.interface.fmi))
         for transfer in self.transfers[verb]:
@@ -267,9 +270,9 @@ class Instance:
     def raise_if_failed(
         self, verb: Verb, status: int, time: float, transfer: Transfer | None = None
     ) -> None:
-        """Raise RunError if an FMI call has failed, if a step has requested termination, or if an
-        output of this transfer is not a finite number or is a whole number that a double on the
-        bus cannot represent.
+        """Raise RunError if an FMI call has failed, if a step has requested termination or returned
+        early, or if an output is not a finite number or is a whole number that a double on the bus
+        cannot represent. transfer: values to be checked after GET (None: no check of outputs).
         """
         if status in REASONS:
             raise RunError(self.name, time, REASONS[status])

@@ -53,7 +53,7 @@ typedef struct {
     void *component;
     const unsigned *reference;
     const size_t *slot, *at;       /* index of each signal on the bus and in the buffer */
-    const Piece *piece;            /* the same indices in consecutive pieces */
+    const Piece *piece;            /* the same indices, consecutive ones joined */
     void *value;                   /* buffer: values in the type that `function` takes */
     const double *factor, *offset; /* SET_AFFINE: input = factor * bus + offset */
 } Call;

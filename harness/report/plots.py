@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Plots of a page as data with thinned curves: figures, phase plots, and all variables. Figures are
-drawn with matplotlib and read back from its axes, so that one definition of a figure serves files
-and pages. Axes in three dimensions are left out, because the page has a replay.
+drawn with matplotlib and read back from the drawn axes, so that one definition of a figure serves
+files and pages. Axes in three dimensions are left out, because the page has a replay.
 
 A plot is a dictionary: `title`, `x` and `y` (labels of the axes), `time` (whether x is the time of
 the run; all such plots zoom together), `log` (logarithmic y), `levels` (horizontal lines: height
@@ -55,8 +55,9 @@ these coordinates, since all other texts have other coordinates.
 
 
 def sections(found: Iterable[Shown]) -> list[dict[str, Any]]:
-    """Return the figures of a page by section. Figures with the same section and name are combined
-    into one, and figures without plots are left out.
+    """Return the sections of a page, each with `name` and `figures`; a figure has `name`, `title`
+    and `plots`. Figures with the same section and name are combined into one, and figures without
+    plots are left out.
     """
     listed: dict[str, dict[str, dict[str, Any]]] = defaultdict(dict)
     for section, name, title, plots in found:
@@ -233,8 +234,8 @@ def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:
 
 
 def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
-    """Return all variables of a result, grouped by component: constant variables with their value,
-    all other variables as plots.
+    """Return all variables of a result, one dictionary per component: its `name`, its constant
+    variables with their value (`fixed`), and its other variables with their plot (`plots`).
     """
     components: dict[str, dict[str, Any]] = {}
     for name in result.names:
@@ -250,8 +251,8 @@ def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
 
 
 def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
-    """Return the plot of a variable over time. If the mission defines a value from which on the
-    variable has no meaning (Mission.idle), such values are left out.
+    """Return the plot of a variable over time. If the mission defines a bound for the variable
+    (Mission.idle), values that reach or exceed this bound have no meaning and are left out.
     """
     flat, arrays = values.reshape(len(values), -1), canvas.arrays
     bound = dict(of_result(result).idle).get(name)

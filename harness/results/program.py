@@ -43,7 +43,7 @@ class Instruction(NamedTuple):
 
 
 class Program:
-    """Instructions in the order of their execution; equal instructions are stored once."""
+    """List of instructions, executed in order; of equal instructions only the first is stored."""
 
     def __init__(self) -> None:
         self.instructions: list[Instruction] = []
@@ -152,8 +152,8 @@ class Program:
         return values
 
     def data(self) -> list[list[Any]]:
-        """Return the instructions as plain data for the live page; numbers that are not finite are
-        texts.
+        """Return operation, parts and constant of each instruction as plain data for the live page;
+        numbers that are not finite are texts, such as "NaN".
         """
         return [[each.operation, each.parts, _finite(each.constant)] for each in self.instructions]
 
@@ -309,8 +309,8 @@ TABLES: Mapping[str, Callable[..., Any]] = {
     "least": _least,
     "every row": lambda x, time: np.broadcast_to(x, (len(time), x.shape[1])),
 }
-"""Operations on values in the shapes in which they are stored. `decided`: see _decided(); `both`:
-truth of `a and b`, 0 where a or b is 0, else NaN where a or b is NaN; `difference`: see
+"""Operations whose operands are not brought to a common shape first. `decided`: see _decided();
+`both`: truth of `a and b`, 0 where a or b is 0, else NaN where a or b is NaN; `difference`: see
 _difference().
 """
 WINDOWED: Mapping[str, Callable[..., Any]] = {

@@ -166,9 +166,10 @@ class System:
     conditions on parameters by name; a condition that fails is logged; compared: parameter set that
     a comparison uses by default ("": none); sliders: parameters that the reader of a live page may
     change, with their ranges (None: range of the FMU); mission: name of its mission; without: open
-    components, whose outputs the user sets during a run (harness.master.steering); starts: by
-    component, the file or elements of its entry in `[start]`, from which its parameters are
-    computed; origin: source and changes of the system.
+    components, whose outputs the user sets during a run (harness.master.steering); starts: entries
+    of `[start]`: by component, the path of the file, or the two-line elements, from which its
+    parameters are computed; and as `attitude` the frame relative to which start attitudes do not
+    change; origin: source and changes of the system.
     """
 
     name: str

@@ -49,7 +49,7 @@ def exchange(
     units. Inputs of the new FMU get the connections of the former inputs with the same names. A
     further input is connected to the output with the same name if there is exactly one. given:
     pairs (name in the FMU, name in the system) of scalars or whole vectors, for ports whose names
-    differ. Vectors whose indices are written in another style need no pair.
+    differ. Vectors whose indices are written in another style (`x_1` for `x[1]`) need no pair.
 
     Parameters of the former FMU that the new FMU also has retain their values. Values in the table
     `[alternatives]` of the system for the model name of the new FMU override these. If the table

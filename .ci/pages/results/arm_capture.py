@@ -13,7 +13,7 @@ SETS = ("default", "fast", "friction", "limited")
 CLEAN = "arm_capture --params clean"
 CAPTURE = [
     Column("error of E in ALIGN, CLOSE [mm]", "tip error, aligning and closing", "{:.2g}"),
-    Column("late, rms [mm]", "tip error, late", "{:.2g}"),
+    Column("rms, second half of closing [mm]", "tip error, late", "{:.2g}"),
     Column("grip [s]", "grip", "{:.2f}"),
     Column("miss in truth at the grip [mm]", "miss at the grip", "{:.2g}"),
     Column("hard capture [s]", "hard capture", "{:.2f}"),

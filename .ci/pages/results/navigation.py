@@ -7,6 +7,7 @@ from typing import Any
 
 from results import Column, of_runs, of_the_tests
 
+# parameter sets of sync_approach_navigated, each with the text that follows its name in the table
 SETS = {
     "nominal": "", "dropout": ", 60 s without pose", "sun_blinding": ", 84 s without pose",
     "gyro_bias": ", 100 deg/h", "wrong_inertia": "",
@@ -19,8 +20,8 @@ SCALES = (1e3, 1e3, 1.0, 1.0, 1.0)
 
 def errors(result: Any) -> tuple[float, ...]:
     """Return the rms errors of the estimates from 600 s on: relative position rho [mm], its rate
-    [mm/s], attitude of the target [deg], its rate [rad/s], attitude of the servicer [arcsec]; only
-    one NaN for a run on truth.
+    [mm/s], attitude of the target [deg], its rate [rad/s], attitude of the servicer [arcsec]; for a
+    run on truth return a single NaN, because it has no estimates.
     """
     case = of_the_tests("navigated_case")
     if "relative_filter.q_TN" not in result:

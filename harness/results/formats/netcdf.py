@@ -57,7 +57,7 @@ def write(result: Result, path: Path) -> None:
         file.setncatts(about)
         content["time"] = (("time",), result.time, time_labels(result))
         defined = [(_defined(file, name, *each), each[1]) for name, each in content.items()]
-        file.set_auto_maskandscale(False)  # without conversions, writing takes a third less time
+        file.set_auto_maskandscale(False)  # without masking and scaling: a third less time
         for variable, data in defined:
             variable[...] = data
 
@@ -147,7 +147,9 @@ def _flat_columns(
 
 
 def _from_lines(text: str) -> list[str]:
-    """Return the names in a text from in_lines(), which has one name per line, with escapes."""
+    """Return the names in a text from in_lines(): one name per line, in which each backslash and
+    newline is escaped by a backslash.
+    """
     return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
 
 

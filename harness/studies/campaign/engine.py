@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Execution of many runs: in this process, or by worker processes.
 
-A function of this module receives blocks of runs and yields the rows of the dataset for each block
-when it is complete, in any order. If a worker process ends, the runs of its task are repeated one
-by one. If the worker of a repeated run ends too, this run gets a row with a message only.
+worker_pool() yields a function that receives blocks of runs and yields the rows of the dataset for
+each block when it is complete, in any order. If a worker process crashes or is killed, the runs of
+its task are repeated one by one. If this happens again in a repeated run, this run gets a row with
+an error message only.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ class Work(Protocol):
         """Perform runs one after the other in this process; return their rows in the same order."""
 
     def lost(self, message: str) -> Any:
-        """Return the row of a run whose worker process has ended: it has the message but no
-        results.
+        """Return the row of a run whose worker process crashed or was killed: it has the error
+        message but no results.
         """
 
 
@@ -141,7 +142,7 @@ class _Spread:
 
     def _rows(self, job: Future[list[Any]], part: Sequence[Any]) -> list[Any]:
         """Return the rows of a part of a block, which its task `job` has computed. If the worker
-        process has ended before the task was complete, repeat the runs one by one.
+        process crashed or was killed before the task was complete, repeat the runs one by one.
         """
         try:
             return job.result()

@@ -200,7 +200,8 @@ class Store:
 
     def _damaged(self, name: str) -> ResultsError:
         return ResultsError(
-            f"{self.path}: {name} is damaged; harness campaign --resume repeats the missing runs"
+            f"{self.path}: array {name} is damaged; "
+            "harness campaign --resume repeats the missing runs"
         )
 
     @contextmanager

@@ -168,7 +168,7 @@ def test_reading_while_a_campaign_ends_reports_no_damage(damaged, monkeypatch):
 
 def test_every_reader_of_a_damaged_dataset_reports_the_damage(damaged):
     (damaged / "range" / "c" / "3").write_bytes(b"")
-    with pytest.raises(ResultsError, match=r"c.zarr: range is damaged; .*--resume"):
+    with pytest.raises(ResultsError, match=r"c.zarr: array range is damaged; .*--resume"):
         Store.open(damaged).array("range")
 
 
