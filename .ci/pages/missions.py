@@ -84,7 +84,7 @@ exercises are solved. Each has a hint and an answer.
 
 
 def taught() -> dict[str, Path]:
-    """Return the lesson of every mission that has one."""
+    """Return the file of the lesson by mission, for every mission that has a lesson."""
     return {path.parents[1].name: path for path in sorted(SSP.glob("*/lessons/*.toml"))}
 
 
@@ -201,7 +201,9 @@ campaigns. `harness list` prints all of them.
 
 
 def page(name: str, systems: list[System], runs: Any, parts: Mapping[str, str]) -> str:
-    """Return the page of one mission."""
+    """Return the page of one mission. runs: records of the mission that facts() returns; parts: as
+    for pages().
+    """
     here = f"reference/missions/{name}.md"
     equations = next((p for p in parts.values() if p.endswith(f"/{name}.md")), "")
     lines = [f"# {name}\n\n{systems[0].description}\n"]
@@ -236,13 +238,15 @@ def _verdicts(run: Mapping[str, Any]) -> Iterator[str]:
 
 
 def claims(facts: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of claims that pages quote, by name; facts: records of runs by mission."""
+    """Return the tables of claims that pages quote, by the names `claims_MISSION`; facts: records
+    of runs by mission.
+    """
     return {f"claims_{name}": _claims(name, facts[name]) for name in claiming() if name in facts}
 
 
 def claiming() -> list[str]:
-    """Return the missions whose folder contains the system of the first case of one of their
-    papers.
+    """Return the missions that have a table of claims: the first case of at least one of their
+    papers runs a system in the folder of the mission.
     """
     return [name for name in names() if any(c.system in _own(name) for c in _papers(name))]
 

@@ -76,8 +76,9 @@ def index(found: Sequence[tuple[str, str, str]]) -> str:
 
 INDEX = """# FMUs
 
-Every FMU is an FMI 2.0 co-simulation FMU and stands alone. The same text lies in each .fmu as
-`documentation/index.html`. Units are SI units and radians; frames: [Notation](../../notation.md).
+Every FMU is an FMI 2.0 co-simulation FMU and needs no other file. The chapters of its page before
+"Where it runs" are also in the .fmu, in `documentation/index.html`. Units are SI units and radians;
+frames: [Notation](../../notation.md).
 """
 
 
@@ -166,6 +167,6 @@ def _statements(file: Path) -> Iterator[str]:
 
 
 def case_fmus(case: Any) -> list[str]:
-    """Return the FMUs that a published case runs."""
+    """Return the names of the FMUs that a case of published reference values runs."""
     text = json.dumps(dict(case.setup)) + case.tests
     return [n for n in paths.fmus() if n == case.fmu or re.search(rf"\b{n}\b", text)]

@@ -135,7 +135,7 @@ TIED = "\ue000"
 
 
 def value_text(value: Nested) -> str:
-    """Return a value as text in the notation of --set, with seven digits."""
+    """Return a value as text in the notation of --set, with seven significant digits."""
     if not isinstance(value, list):
         return "" if value is None else _number(value)
     inner = [value_text(each) for each in value]
@@ -177,7 +177,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _width() -> int:
-    """Return the number of characters per line: the width of the terminal within NARROWEST and
-    WIDEST, or WIDEST in a pipe.
+    """Return the number of characters per line: the width of the terminal, but at least NARROWEST
+    and at most WIDEST; WIDEST if the output goes to a pipe.
     """
     return min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)

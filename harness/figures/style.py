@@ -21,12 +21,12 @@ from harness.results.result import Array
 
 SHEETS = Path(__file__).parent / "styles"
 NARROW, HOURS = 8.0, 7200.0
-"""Largest width on the screen [in] of a figure that fits into one column of a paper; shortest time
-span [s] that is shown in hours.
+"""Largest width on the screen [in] of a figure that is drawn in one column of a paper (wider
+figures go across the page); shortest time span [s] that is shown in hours.
 """
 COLUMN, PAGE, STRETCH = 3.5, 7.0, 1.15
-"""In a paper: width [in] of a figure in one column and of a figure across the page. STRETCH: factor
-by which a figure in one column is made higher than in proportion to its width.
+"""Width [in] in a paper of a figure in one column and of a figure across the page. STRETCH: ratio
+of height to width of a figure in one column, relative to this ratio on the screen.
 """
 TITLE = 0.75
 """Largest number of characters in a line of a title, relative to the number of characters of

@@ -25,7 +25,8 @@ Weights = Mapping[str, float] | float
 class Scoring:
     """Scoring of an episode. `values` is a program that returns for a recorded row, in this order:
     the reward without the cost, the cost so far, whether the episode is over, the intervention of
-    the shield, whether each of the conditions `ends` holds, and the margins of `requirements`.
+    the shield (how much the safety filter changed the action), for each entry of `ends` whether it
+    ends the episode, and the margins of `requirements`.
     """
 
     def __init__(
@@ -41,7 +42,8 @@ class Scoring:
         result: has the variables of the system; requirements: texts by name; worth: expression of
         the reward, expression of the cost, weights of the requirements; ends: what ends an episode,
         as two lists: requirements and conditions chosen by the user (None: all requirements), and
-        further conditions; intervention: variable of the shield ("": none). Raises UsageError.
+        further conditions; intervention: variable with the intervention of the shield ("": none).
+        Raises UsageError.
         """
         self._result, self._program = result, Program()
         add, zero = self._program.add, self._program.number(0)

@@ -133,7 +133,7 @@ class Simulation:
             self.bus: NDArray[np.float64] = np.zeros(width)
         self.bus[:] = 0.0
         self.pace = math.inf
-        """Duration of a macro step [s], averaged over the fastest part of the run so far."""
+        """Mean wall-clock time of a macro step [s] in the fastest block of steps so far."""
         self._initialised = False
 
     # ---- life
@@ -168,8 +168,8 @@ class Simulation:
         `harness.run`.
 
         every: record every N-th macro step (default: as for the simulation); progress: called
-        repeatedly with the number of complete steps. Raises the exceptions of run(); a failed run
-        does not affect the next one.
+        repeatedly with the number of complete steps. Raises the exceptions of harness.run(); a
+        failed run does not affect the next one.
         """
         return self.run_system(apply(self.base, **changes), every=every, progress=progress)
 

@@ -139,12 +139,13 @@ class ResultFile:
 
 def _rescued(result: Result, path: Path) -> Path | None:
     """Write a result that could not be written to `path` to the folder for temporary files, or else
-    as .csv beside `path`. Return the path of the written file, None if both failed.
+    as .csv beside `path`, or else as .csv in the folder for temporary files. Return the path of the
+    written file, None if all three failed.
     """
     elsewhere = Path(tempfile.gettempdir())
     for folder, ending in ((elsewhere, path.suffix), (path.parent, ".csv"), (elsewhere, ".csv")):
         place = folder / f"{path.stem[:100]}-{secrets.token_hex(6)}{ending}"
-        with suppress(Exception), written(place) as target:  # only the first error is reported
+        with suppress(Exception), written(place) as target:  # the caller reports its own error
             FORMATS[ending].write(result, target)
         if place.exists():
             return place
@@ -152,7 +153,8 @@ def _rescued(result: Result, path: Path) -> Path | None:
 
 
 def read(file: str | Path) -> Result:
-    """Read a results file written by the harness; raise ResultsError if it cannot be read.
+    """Read a results file written by the harness; raise UsageError for an unknown ending,
+    ResultsError if the file cannot be read.
 
     For a .csv without its NAME.csv.toml, the result has no units and no parameters, and the name of
     the system is the file name without its ending.
@@ -196,7 +198,7 @@ def _problems(result: Result) -> Iterator[str]:
     if not len(result.time):
         yield "the file contains no rows"
     if not (finite := np.isfinite(result.time)).all():
-        yield f"row {np.argmin(finite)} has the time {result.time[~finite][0]}"
+        yield f"row {np.argmin(finite)} has the time {result.time[~finite][0]}, not finite"
     if (np.diff(result.time) < 0).any():
         yield f"row {np.argmax(np.diff(result.time) < 0) + 1} is earlier than the one before"
     for name, text in (("system", result.system), ("message", result.message)):

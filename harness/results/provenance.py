@@ -51,16 +51,16 @@ class Slot(NamedTuple):
 class Provenance:
     """Settings of a run.
 
-    version: of this package; system: its name; mission: name of its mission; source: name or path
-    of the system as the user gave it; sha256: of the .ssp ("": the system was made in Python);
-    params: parameter set or file; params_sha256: of the file; set: (`component.variable`, value),
-    the value as the user gave it, a text or of another type; swaps: FMUs that replaced the FMU of a
-    component; on: (component, processor) for components that ran on another processor; maps: (name
-    in the FMU, name in the system) of mapped ports; latency: (component, macro steps) as given;
-    algorithm, step [s], stop [s], epoch (UTC of t = 0, "": none), schedule, executor, every (macro
-    steps per recorded row): values in the run; requirements: (name, text); command: command line
-    (None: run from Python); date: UTC at which the result was made; platform: of the host; schema:
-    version of the content of the file.
+    version: of this package; system: name of the system; mission: name of its mission; source: name
+    or path of the system as the user gave it; sha256: of the .ssp ("": the system was made in
+    Python); params: parameter set or file; params_sha256: of the file; set: (`component.variable`,
+    value), the value as the user gave it, a text or of another type; swaps: FMUs that replaced the
+    FMU of a component; on: (component, processor) for components that ran on another processor;
+    maps: (name in the FMU, name in the system) of mapped ports; latency: (component, macro steps)
+    as given; algorithm, step [s], stop [s], epoch (UTC of t = 0, "": none), schedule, executor,
+    every (macro steps per recorded row): values in the run; requirements: (name, text); command:
+    command line (None: run from Python); date: UTC at which the result was made; platform: of the
+    host; schema: version of the content of the file.
     """
 
     version: str = ""

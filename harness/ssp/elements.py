@@ -182,7 +182,7 @@ class Tree:
             raise ValueError(f"connects two {both}")
         forward = takes is not True if gives is None else gives
         source, target = (start, end) if forward else (end, start)
-        is_last = target.point.place in self.components  # the FMU states the target's unit
+        is_last = target.point.place in self.components  # its FMU states the unit instead
         unit = None if is_last else self.connectors[target.point].unit
         return Edge(source, target, hop_of(element, unit))
 
@@ -246,7 +246,7 @@ class Tree:
     def _bound(self, binding: XmlElement, label: str) -> Mapping[str, Parameter]:
         if (root := self._part(binding, VALUES, label)) is None:
             return {}
-        prefix = binding.get("prefix", "")  # before the mapping, which refers to prefixed names
+        prefix = binding.get("prefix", "")  # applied before the mapping, which has prefixed names
         parameters = {prefix + n: p for n, p in parameter_set(root, self.units).items()}
         found = xml.first(binding, "ssd:ParameterMapping")
         root = None if found is None else self._part(found, MAPPING, label)

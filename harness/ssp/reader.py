@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reader of .ssp files, which rejects unsafe archives, validates by the schemas and calls no FMU.
+"""Reader of .ssp files, which rejects unsafe archives, validates their XML by the schemas,
+and calls no FMU.
 
 XML prefixes may have any name, only the namespaces count. Nested systems are flattened. A file
 with content that cannot be run is rejected: model exchange, signal dictionaries, connections
@@ -191,8 +192,8 @@ class _Reader:
         )
 
     def _epoch(self) -> str:
-        """Return UTC at t = 0 as text, "" without one; record a problem for a text that is no
-        date.
+        """Return UTC at t = 0 as text, "" if the file does not state it; record a problem for a
+        text that is no date.
         """
         text = self.run.get("epoch", "")
         try:

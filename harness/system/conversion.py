@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Conversion of signals at an input and of parameters at their variable: units, transformations and
-names of enumeration items.
+"""Conversion of signals for the input that they drive and of parameter values for the variable that
+they set: units, transformations and names of enumeration items.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from harness.system.values import Scalar, Variable, coerce
 
 
 def way(connection: Connection, interfaces: Interfaces, strict: bool = False) -> Affine:
-    """Return the conversion of a signal between its output and its input.
+    """Return the conversion of a signal from the output to the input of a connection.
 
     A unit without a definition is not converted. Raises ValueError if the units are not compatible,
     UndefinedUnitError for a unit without a definition if `strict`.
