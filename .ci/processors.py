@@ -39,7 +39,7 @@ NUMERICAL = (
     ),
 )
 PRESENTATION = ("*figure*", "*report*", "*live*", "*browser", "notebooks", "examples", "gallery")
-"""Tests of tests/systems that check pages and pictures of runs, not numbers."""
+"""Patterns of the names of tests in tests/systems that check pages and pictures, not numbers."""
 SLICE = (
     *(f"tests/unit/test_{name}.py" for name in ("attitude", "cholesky", "close", "mat3", "motion")),
     *(f"tests/unit/test_{name}.py" for name in ("riccati", "rigid_body", "vec3")),
@@ -55,15 +55,17 @@ print(json.dumps([sorted(blas), [x for x in known if has[x]]]))
 """
 HEAD = """# Numerical tests on other processors
 
-OpenBLAS, numpy and the C library choose their code by the processor, and sums in another order have
-other rounding errors. `make test-processors` runs the numerical tests with each of these codes on
-one machine, and writes this page from the results.
+OpenBLAS, numpy and the C library each contain several implementations and choose one by the
+processor; an implementation that sums in another order has other rounding errors.
+`make test-processors` runs the numerical tests with each of these implementations on one machine,
+and writes this page from the results.
 
 * kernel: `OPENBLAS_CORETYPE`; several names have the same code in the wheels of numpy.
 * numpy without dispatch: `NPY_DISABLE_CPU_FEATURES` disables all code of numpy for features of the
   processor that numpy detects when it is loaded.
 * C library without FMA: `GLIBC_TUNABLES` disables the fused sin, cos, exp, atan2, pow.
-* FMUs: FMUs and C executor compiled with `-march` of this name, `-ffp-contract=off` as always.
+* FMUs for LEVEL: FMUs and C executor compiled with `-march=LEVEL`, and as always with
+  `-ffp-contract=off`.
 * emulated: `qemu-x86_64 -cpu Nehalem`, which has no AVX. It takes about thirty times as long, so
   only these tests run: {slice}.
 
@@ -117,7 +119,8 @@ class Processor(NamedTuple):
 
 class Outcome(NamedTuple):
     """Outcome of the tests on one processor, a row of the page: kernels of OpenBLAS and features of
-    numpy in use, counts of tests, or the reason why no test was run.
+    numpy in use; numbers of passed and skipped tests and names of failed tests, or the reason why
+    no test was run.
     """
 
     processor: Processor
@@ -155,13 +158,13 @@ def processors() -> list[Processor]:
 
 
 def flags() -> set[str]:
-    """Return the instruction sets of this processor by their names in Linux."""
+    """Return the flags in /proc/cpuinfo, which name the instruction sets of this processor."""
     lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     return set(next(line for line in lines if line.startswith("flags")).split())
 
 
 def build(level: str) -> None:
-    """Compile FMUs, systems and the C executor for an instruction set."""
+    """Compile FMUs, systems and the C executor for an instruction set into FOLDER/level."""
     folder = str(FOLDER / level)
     settings = [f"-DCMAKE_C_FLAGS=-march={level}", f"-DPython_EXECUTABLE={sys.executable}"]
     subprocess.run(["cmake", "-G", "Ninja", "-S", str(ROOT), "-B", folder, *settings], check=True)
@@ -169,8 +172,8 @@ def build(level: str) -> None:
 
 
 def counted(outcome: Outcome, status: int, junit: Path) -> Outcome:
-    """Return an outcome with the counts of tests in the report `junit` of pytest; status: exit
-    status of pytest.
+    """Return an outcome with the counts of tests in the report `junit` of pytest. status: exit
+    status of pytest; listed as a failure if no test passed, or if not 0 though no test failed.
     """
     cases = ET.parse(junit).getroot().findall(".//testcase") if junit.exists() else []
     failed, skipped, passed = [], 0, 0
@@ -188,7 +191,7 @@ def counted(outcome: Outcome, status: int, junit: Path) -> Outcome:
 
 def run(processor: Processor, earlier: Sequence[Outcome]) -> Outcome:
     """Run the tests with the settings of a processor and return the outcome. If this machine lacks
-    the instructions, or an earlier outcome used the same code, return the reason instead.
+    the instructions, or an earlier outcome used the same code, run none and return the reason.
     """
     if not LEVELS.get(processor.level, set()) <= flags():
         return Outcome(processor, reason="this machine lacks the instructions")

@@ -6,13 +6,13 @@
 Eva follows all values at once: every parameter and input that the table of variables of a component
 allows, at any time, for any number of steps. It reports an alarm where it cannot exclude an index
 outside its array, an integer overflow, an undefined shift, a conversion of a number to a type that
-cannot hold it, or a read of uninitialized memory. Infinite numbers and NaN are allowed values, no
-alarms.
+cannot hold it, or a read of uninitialized memory. Infinite numbers and NaN are allowed and raise no
+alarm.
 
-Parameters of SPLIT are followed one value after the other, all others at once. Options differ by
-component only in the number of states that Eva follows separately (MORE): a smaller number can add
-alarms, but never hides one. The working memory of a component has a value (0) before `initialize`,
-because the caller sets it.
+Eva follows the values of the parameters in SPLIT one by one, of all others at once. Options differ
+by component only in the number of states that Eva follows separately (MORE): a smaller number can
+add alarms, but never hides one. The working memory of a component has a value (0) before
+`initialize`, because the caller sets it.
 
 Stubs: `sqrt`, `fabs` and `copysign` come from Frama-C; the stub of `reject`, which writes the
 texts of rejected parameters before the first step, only records that a parameter is rejected.
@@ -46,9 +46,11 @@ WHOLE = {
     "iterations": (9, 60),
     "iterations_first": (9, 1200),
 }
-"""Parameters that `check` limits to whole numbers, with the limits."""
+"""Parameters that the function `check` of a component limits to whole numbers, with the smallest
+and the largest permitted value.
+"""
 SPLIT = ("joints",)
-"""Whole numbers whose values Eva follows one by one, because they limit the indices of arrays."""
+"""Parameters whose values Eva follows one by one, because they limit the indices of arrays."""
 OPTIONS = (
     *("-machdep", "gcc_x86_64", "-c11", "-warn-special-float", "none"),
     *("-eva", "-eva-no-show-progress", "-eva-auto-loop-unroll", "128"),
@@ -64,7 +66,9 @@ MORE = {
     ),
     "transposition_guidance": ("-eva-auto-loop-unroll", "16"),
 }
-"""Further options by component: loops to follow pass by pass, states to follow separately."""
+"""Further options of Eva by component: up to how many passes of a loop, and how many states of a
+function, Eva follows separately.
+"""
 PROGRAM = """#define reject reject_with_text
 #include "fmu.h"
 #undef reject
@@ -157,8 +161,8 @@ def program(source: Path, model: Model) -> str:
 
 def prove(source: Path, model: Model, folder: Path, seconds: int = 600) -> Proof:
     """Analyse a component with Eva and return the outcome; the log remains in the folder. If
-    the folder has an outcome of the same program with the same headers and options, return this
-    one without another analysis. seconds: limit of processor time.
+    the folder has an outcome of the same program with the same headers and options, return that
+    outcome without another analysis. seconds: limit of processor time.
     """
     file, log = folder / f"{source.stem}.c", folder / f"{source.stem}.log"
     file.write_text(program(source, model), encoding="utf-8")
@@ -172,7 +176,7 @@ def prove(source: Path, model: Model, folder: Path, seconds: int = 600) -> Proof
         ["prlimit", f"--cpu={seconds}", *command], capture_output=True, text=True, check=False
     )
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
-        return Proof(source.stem, (), 0, 0, f"no end within {seconds} s of processor time")
+        return Proof(source.stem, (), 0, 0, f"Eva did not end within {seconds} s of processor time")
     log.write_text(done.stdout + done.stderr, encoding="utf-8")
     proof = read_log(source.stem, done.stdout + done.stderr)
     if not proof.error:

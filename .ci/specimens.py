@@ -53,7 +53,7 @@ def clock() -> Rows:
     every, rows = Fraction(1, 2), []
     for k in range(17):
         t, ticks = k * STEP, k // 2 + 1
-        third = ticks // 3 * 3 - 1  # last tick of `sample`, from 0, at which `third` ticked
+        third = ticks // 3 * 3 - 1  # index, from 0, of the last tick of `sample` and `third`
         total = sum(every * n for n in (third - 2, third - 1, third)) if third > 0 else 0
         rows.append((t, t, every * (ticks - 1), ticks, Fraction(total)))
     return rows

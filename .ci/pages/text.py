@@ -25,12 +25,12 @@ def cell(text: str) -> str:
 
 
 def between(page: str, target: str) -> str:
-    """Return the link from a page of the site to another file of the site."""
+    """Return the relative link from a page of the site to another file of the site."""
     return os.path.relpath(target, PurePosixPath(page).parent).replace(os.sep, "/")
 
 
 def counted(kind: str, names: Iterable[str]) -> Iterator[str]:
-    """Yield names; print before each a line with its number, such as `live page 5 of 9: NAME`."""
+    """Yield the names; before each, print a line with its number: `live page 5 of 9: NAME`."""
     every = list(names)
     for k, name in enumerate(every, start=1):
         print(f"{kind} {k} of {len(every)}: {name}", flush=True)
@@ -40,9 +40,9 @@ def counted(kind: str, names: Iterable[str]) -> Iterator[str]:
 def relinked(text: str, source: str, page: str, homes: Mapping[str, str]) -> str:
     """Return a page of the repository with its links turned into links of the site.
 
-    source: path of the page in the repository; page: path in the site; homes: pages of the site by
-    the file of the repository that they show. ValueError for a link to a file that the site does
-    not show.
+    source: path of the page in the repository; page: its path in the site; homes: mapping from a
+    file of the repository to the page of the site that shows this file. Raise ValueError for a link
+    to a file outside docs/ that the site does not show.
     """
 
     def new(found: re.Match[str]) -> str:
@@ -51,7 +51,7 @@ def relinked(text: str, source: str, page: str, homes: Mapping[str, str]) -> str
             return found[0]
         path = os.path.normpath(PurePosixPath(source).parent / target).replace(os.sep, "/")
         if path not in homes and path.startswith("docs/"):
-            return found[0]  # may be generated later: if not, mkdocs reports it
+            return found[0]  # mkdocs reports the link if no page is generated later
         if path not in homes:
             raise ValueError(f"{source}: the site has no page for the link to {target}")
         return f"{opening}{between(page, homes[path])}{place}{closing}"

@@ -25,7 +25,7 @@ ACTIVATIONS: Mapping[str, tuple[Callable[[Array], Array], str]] = {
     "tanh": (np.tanh, "hyperbolic_tangent(x)"),
     "relu": (lambda x: np.maximum(x, 0.0), "larger(x, 0)"),
 }
-"""Activation functions by name: in Python, and as an expression of x in C."""
+"""Activation functions by name: a Python function, and an expression of x in C."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ class Policy:
             raise UsageError(f"activation {self.activation}: expected {' or '.join(ACTIVATIONS)}")
 
     def __call__(self, observation: Array) -> Array:
-        """Return the action for an observation (already divided by `sizes`), clipped to its bounds:
-        -1 to 1 if `ports.scaled`, else `ports.low` to `ports.high`.
+        """Return the action for an observation that is already divided by `ports.sizes`. The action
+        is clipped to -1 .. 1 if `ports.scaled`, else to `ports.low` .. `ports.high`.
         """
         x = np.asarray(observation, dtype=np.float64)
         function, _ = ACTIVATIONS[self.activation]

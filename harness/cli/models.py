@@ -76,7 +76,7 @@ def build_command(  # noqa: PLR0913, PLR0917 - one argument per option
     compiler: CompilerOption = "cc",
     fmi: Annotated[int, option("--fmi", "Version of FMI: 2 or 3", min=2, max=3)] = 2,
     c_api: Annotated[
-        bool, option("--c-api", "Write the C interface of FMUs without FMI into the folder DIR")
+        bool, option("--c-api", "Write a C interface of FMUs that needs no FMI into the folder DIR")
     ] = False,
     place: PlaceOfFmuOption = None,
 ) -> None:

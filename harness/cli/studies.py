@@ -65,7 +65,7 @@ class Varied:
     algorithm: Annotated[str | None, option("A,B", "Compare gauss-seidel,jacobi")] = None
 
     def options(self) -> list[tuple[str, str]]:
-        """Return pairs of an option and its comma-separated values, for combinations()."""
+        """Return pairs (name of an option, its comma-separated values), for combinations()."""
         several = {"swap": self.swap, "latency": self.latency, "set": self.vary}
         varied = [("params", self.params), ("algorithm", self.algorithm)]
         varied += [(option, text) for option, texts in several.items() for text in texts or ()]
@@ -286,8 +286,8 @@ def _file(given: Path) -> Path:
 
 
 def _analyse(kind: str, definition: Path, how: How) -> bool:
-    """Run an analysis, print its summary and return whether its verdict is positive; kind: a key of
-    analyses.STUDIES; definition: the campaign file.
+    """Run an analysis, print its summary and return whether the exit status is 0 (Study.verdict);
+    kind: a key of analyses.STUDIES; definition: the campaign file.
     """
     from harness.master.progress import counting
     from harness.studies.analyses import STUDIES

@@ -55,7 +55,7 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         self._run: int | None = None
 
     def _begin(self) -> None:
-        """Start the child process, which creates the environment; raise its errors."""
+        """Start the child process, which creates the environment; raise the error if that fails."""
         self._life.close()
         self._pipe, theirs = Pipe()
         child = Child(_serve, theirs, *self._order, open_files=(theirs.fileno(),))
@@ -94,7 +94,7 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         super().reset(seed=seed)
         if not self._child.process.is_alive():
             self._begin()
-            # the new process does not know the last run, so the number of the next one is passed
+            # a new process does not know the number of the last run, so the next number is passed
             if seed is None and self._run is not None:
                 options = {"run": self._run + self._order[1].get("stride", 1), **(options or {})}
         self._observation, info = self._call("reset", seed=seed, options=options)
@@ -140,7 +140,7 @@ def _serve(_: Send, pipe: Connection, system: Any, how: dict[str, Any]) -> None:
             value = function(*arguments, **named)
         except HarnessError as found:
             error = found
-        except Exception as found:  # sent as text: it may not be picklable
+        except Exception as found:  # sent as text, because it may not be picklable
             error = RuntimeError(f"{type(found).__name__}: {found}")
         pipe.send((error, None if isinstance(value, Environment) else value))
         return value

@@ -179,9 +179,9 @@ class Calls:
         yield "EnterInitializationMode", () if self.fmi == 2 else span
 
     def step(self, time: float, size: float, no_rollback: int) -> int:
-        """Perform one step and return the status: TERMINATION or EARLY_RETURN if an FMU of FMI 3.0
-        reports one of these, else the status of FMI. time, size: start and length of the step [s];
-        no_rollback: 1 if no earlier state will be restored, else 0.
+        """Perform one step and return the status of FMI; instead of OK or WARNING, return
+        TERMINATION or EARLY_RETURN if an FMU of FMI 3.0 reports one of these. time, size: start and
+        length of the step [s]; no_rollback: 1 if no earlier state will be restored, else 0.
         """
         results = () if self.fmi == 2 else self._results
         status = int(self.do_step(self.handle, time, size, no_rollback, *results))

@@ -40,9 +40,10 @@ class Loop(NamedTuple):
     """Input of an executor.
 
     plan: actions of a macro step, in order; bus: values of all signals; recorder: table of recorded
-    rows; clock: times of the macro steps; pause: index in the plan at which the run pauses, where
-    an open component would read its inputs; the actions before this index are performed at the end
-    of the previous macro step (0: no open component).
+    rows; clock: times of the macro steps; pause: index in the plan before which the run pauses, so
+    that the user can set the outputs of an open component (a component that is not stepped); the
+    actions before this index are performed at the end of the previous macro step (0: no open
+    component).
     """
 
     plan: Sequence[Action[Instance]]
@@ -124,8 +125,8 @@ class _Run(ctypes.Structure):
 
 
 class Stop(ctypes.Structure):
-    """C struct Stop of loop.c: number of completed macro steps, index of the call before or at
-    which the execution stopped, and status.
+    """C struct Stop of loop.c: number of completed macro steps; index of the call that failed, or,
+    if none failed, before which the execution stopped; status of this call (OK if none failed).
     """
 
     _fields_ = layout((ctypes.c_long, "done"), (ctypes.c_size_t, "call"), (ctypes.c_int, "status"))
@@ -261,7 +262,7 @@ class Stretches:
 Executor = PythonExecutor | CExecutor
 
 FUSED = "fused"
-"""Name of the executor in C that runs one FMU of the whole system (harness.master.fused)."""
+"""Name of the executor in C that runs the whole system as one FMU (harness.master.fused)."""
 
 EXECUTORS: dict[str, type[Executor]] = {"c": CExecutor, "python": PythonExecutor, FUSED: CExecutor}
 

@@ -228,7 +228,7 @@ def margin(result: Result, text: str) -> float:
 
 
 def demanding(result: Result, further: Mapping[str, str]) -> Result:
-    """Return the result with further requirements, by name, in its provenance."""
+    """Return the result with the requirements `further` (texts by name) added to its provenance."""
     before = result.provenance or Provenance(system=result.system)
     both = {**dict(before.requirements), **further}
     if not further:

@@ -2,7 +2,7 @@
 """Conditions over windows of time.
 
 They follow signal temporal logic (Maler & Nickovic 2004), with the robustness of Donze & Maler
-2010:
+2010, where x and y are the signed margins of two conditions, by time:
 
     always(x, a, b)      at t:  min of x over [t + a, t + b]
     eventually(x, a, b)  at t:  max of x over [t + a, t + b]
@@ -92,7 +92,7 @@ def _composed(x: Array, y: Array, begin: Rows, length: Rows) -> tuple[Array, Arr
     for level in range(int(length.max(initial=0)).bit_length()):
         rows = np.flatnonzero((length > 0) & (length >> level & 1 == 1))
         block = table[0][place[rows]], table[1][place[rows]]
-        # append the next 2^level rows to each block with this power of 2 in its length
+        # append the next 2^level rows to each block whose length has this binary digit
         least[rows], witness[rows] = _after(least[rows], witness[rows], *block)
         place[rows] += 1 << level
         size = 1 << level

@@ -65,9 +65,9 @@ def on_thrusters() -> str:
 
 
 def notched(hertz: float, torque: bool, force: bool) -> str:
-    """Return the command of a run. hertz: frequency of a wing on a fixed hub [Hz]; torque: whether
-    the torque has a notch at the free antisymmetric mode; force: whether the force has a notch at
-    the free symmetric mode.
+    """Return the text after `harness run` for a run of LATE. hertz: frequency of a wing on a fixed
+    hub [Hz]; torque: whether the commanded torque is filtered by a notch at the free antisymmetric
+    mode; force: whether the commanded force is filtered by a notch at the free symmetric mode.
     """
     wing = 2 * np.pi * hertz
     at = {"servicer.panel_frequency": f"[{','.join([f'{wing:.5g}'] * 4)}]",
@@ -77,14 +77,16 @@ def notched(hertz: float, torque: bool, force: bool) -> str:
 
 
 def modes(result: Any) -> tuple[float, float]:
-    """Return the antisymmetric and symmetric amplitude of two wings in the last quarter [mrad]."""
+    """Return the amplitudes of the antisymmetric and the symmetric mode of the two wings [mrad]:
+    the largest half sum and half difference of their angles in the last quarter of the run.
+    """
     late = result["servicer.panel_angle"][result.time >= 0.75 * result.time[-1]]
     half = np.abs(late[:, 0] + late[:, 1]).max() / 2, np.abs(late[:, 0] - late[:, 1]).max() / 2
     return 1e3 * half[0], 1e3 * half[1]
 
 
 def last_quarter(result: Any) -> float:
-    """Return the largest attitude error in the last quarter [deg]."""
+    """Return the largest attitude error in the last quarter of the run [deg]."""
     from ssp.shared.relative_motion import attitude_error
 
     error = attitude_error(result)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Synchronised approach: attitude error with and without adaptation, changes of the estimates."""
+"""Synchronised approach: attitude error with and without adaptation, changes of the estimated
+inertias and mass.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +25,17 @@ LONG = "sync_approach --stop 14400 --every 10"
 
 
 def adaptation() -> str:
-    """Return a table of the attitude error with the printed adaptation gains, with lower gains,
-    without adaptation, and without adaptation but with true values of inertias and mass.
+    """Return a table of the attitude error with the printed adaptation gains, with a tenth of these
+    gains, without adaptation, and without adaptation but with true inertias, or with true inertias
+    and mass and a known disturbance torque on the target.
     """
     return of_runs("`harness run sync_approach` with", ADAPTATION,
                    [Column("attitude error at 1800 s", POINTING, "{:.2g} deg")])  # fmt: skip
 
 
 def span(begin: float) -> Any:
-    """Return a function from a result to the largest difference between two values of one element
-    of the estimated inertias from the time `begin` [s] on [kg m2].
+    """Return a function that computes from a result how far the estimated inertias move: the
+    largest difference [kg m2] between two values of one element from the time `begin` [s] on.
     """
 
     def evaluate(result: Any) -> float:

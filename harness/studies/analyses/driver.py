@@ -57,9 +57,10 @@ class _Record(NamedTuple):
 class Driver:
     """Driver of one analysis, which performs its runs and writes its dataset.
 
-    path: of the dataset; completed: number of runs so far; failed: number of failed runs; nominal:
-    margins (requirements,) of run 0, the nominal run; unjudged: by requirement, the number of runs
-    so far whose margin is NaN or infinite and which say nothing about the requirement.
+    path: path of the dataset; completed: number of runs so far; failed: number of failed runs;
+    nominal: margins (requirements,) of run 0, the nominal run; unjudged: by requirement, the number
+    of runs so far whose margin is NaN or +inf, so that they provide no evidence about the
+    requirement.
     """
 
     def __init__(
@@ -95,7 +96,7 @@ class Driver:
     def evaluate(self, numbers: Array) -> Array:
         """Return the margins (rows, requirements) of one generation of runs, given by standard
         normal coordinates (rows, d). Margins of runs that are in the dataset are taken from it; all
-        other runs are performed.
+        other runs are performed. Raise UsageError if all of several runs failed.
         """
         first, last = self.completed, self.completed + len(numbers)
         known = self._margins[first : min(last, self._stored)]
@@ -201,7 +202,8 @@ def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T,
 def begun(
     kind: str, evaluator: Evaluator, runs: int, output: str | Path, how: Mapping[str, Any]
 ) -> Iterator[Driver]:
-    """Open the dataset of a study, yield its driver, and close both after the block.
+    """Yield the driver of a study with its dataset open. After the block, close the evaluator and
+    the driver, which unlocks the dataset.
 
     kind: name of the study; runs: number of planned runs besides the nominal one; output: path of
     the dataset, OUT.zarr; how: options of the study, such as `resume`.

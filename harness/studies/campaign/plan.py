@@ -77,7 +77,7 @@ class Record(Struct, frozen=True):
 
 
 class Table(Struct, frozen=True):
-    """Whole table in the file of a campaign.
+    """All entries of the file of a campaign.
 
     runs: number of draws; every: macro steps per row; patience: limit for one call into a
     third-party FMU [s]; seeds: parameters that get a different seed in each draw; worst: metric by
@@ -262,7 +262,7 @@ class Plan:
         return {n: run_seed(self.table.seed, draw, k) for k, n in enumerate(self.table.seeds)}
 
     def structures(self) -> list[int]:
-        """Return the numbers of runs, one for each combination of values of those listed factors
+        """Return the number of one run for each combination of values of those listed factors
         that are options, such as swaps. These runs belong to the first draw, and listed parameters
         have their first values in them.
         """
