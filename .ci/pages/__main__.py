@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Write the pages of the documentation site: from docs/, from the code and from runs.
 
-python .ci/pages build/site-facts --facts   # runs cases and missions: facts.json and figures
-python .ci/pages build/site-facts --quoted  # runs what pages quote: quoted.json
+python .ci/pages build/site-facts --facts   # runs cases and missions, writes facts.json and figures
+python .ci/pages build/site-facts --quoted  # makes the runs that pages quote, writes quoted.json
 python .ci/pages build/site-facts --fill    # writes the values of quoted.json into the pages
 python .ci/pages build/site-facts build/site-pages      # the Markdown that mkdocs reads
 """
@@ -105,8 +105,8 @@ def write(folder: Path, facts: Mapping[str, Any]) -> None:
 
 
 def collect(folder: Path, target: str) -> None:
-    """Run the cases and missions that pages show (target `--facts`) or the runs whose values pages
-    quote (`--quoted`), and store the results in a JSON file in the folder.
+    """Run the validation cases and missions that pages show (target `--facts`) or the runs whose
+    values pages quote (`--quoted`), and store the results in a JSON file in the folder.
     """
     folder.mkdir(parents=True, exist_ok=True)
     if target == "--facts":

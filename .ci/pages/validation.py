@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pages of the validation cases, one per family of sources, with plots of the differences between
-the FMUs and published values.
+"""Pages of the validation cases, one page per family of sources of published values (TITLES), with
+plots of the differences between the FMUs and these values.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TITLES = {
 
 
 def facts() -> list[dict[str, Any]]:
-    """Run every case; return a description of each case with its differences over time."""
+    """Run every validation case; return the description of each case that measured() returns."""
     families = {
         case.id: path.stem for path in sorted(FOLDER.glob("*.json")) for case in _of(path.stem)
     }
@@ -45,7 +45,9 @@ def _of(family: str) -> list[Case]:
 
 
 def measured(case: Case, family: str, library: Library) -> dict[str, Any]:
-    """Run one case; return its description and the differences of its quantities."""
+    """Run one case; return its description, and by quantity the differences between simulated and
+    published values with their times [s].
+    """
     answer = simulate(case, library)
     quantities: dict[str, Any] = {
         name: {"time": [], "difference": [], "tolerance": limit, "unit": case.units[name]}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Model description of an FMU for the conformance checks. The elements of
-FMI 2.0 and FMI 3.0 have the types and terms of FMI 2.0 here; missing attributes have the default
+"""Model description of an FMU of FMI 2.0 or FMI 3.0 for the conformance checks. For FMI 3.0 too,
+variables have the types of FMI 2.0, such as Real for Float64. Missing attributes have the default
 values that the standard defines.
 """
 
@@ -26,7 +26,7 @@ NUMBERS = {
     "Boolean": "Boolean",
     "Enumeration": "Enumeration",
 }
-"""Types of FMI 3.0 whose values are numbers, so that components can exchange them, with the
+"""Types of FMI 3.0 that components can exchange because their values are numbers, each with the
 corresponding type of FMI 2.0.
 """
 
@@ -143,7 +143,7 @@ class Declared:
 
     @property
     def clocks(self) -> list[int]:
-        """Return the value references of the clocks."""
+        """Return the value references of the clocks in the attribute `clocks`, [] without it."""
         return list(map(int, self.own.get("clocks", "").split()))
 
     @property
@@ -181,7 +181,9 @@ class Description:
 
     @property
     def identifiers(self) -> list[str]:
-        """Return the name of the library (modelIdentifier) of each interface."""
+        """Return the name of the library (modelIdentifier) of each interface type of the FMU, such
+        as CoSimulation.
+        """
         return [e.get("modelIdentifier") for e in self.root if "modelIdentifier" in e.attrib]
 
     @cached_property
@@ -194,7 +196,7 @@ class Description:
 
     @cached_property
     def enumerations(self) -> dict[str, list[XmlElement]]:
-        """Return the items of every enumeration by the name of its type."""
+        """Return the `Item` elements of every enumeration by the name of its type."""
         found = {name: e.findall("Item") for name, e in self.types.items()}
         return {name: items for name, items in found.items() if items}
 
@@ -208,13 +210,13 @@ class Description:
 
     @property
     def sources(self) -> list[str]:
-        """Return the listed source files."""
+        """Return the source files that the model description or buildDescription.xml lists."""
         in_build = () if self.build is None else self.build.iter("SourceFile")
         return [e.get("name") for e in (*self.every("*/SourceFiles/File"), *in_build)]
 
     @cached_property
     def variables(self) -> tuple[Declared, ...]:
-        """Return all variables in the order of the file, without aliases."""
+        """Return all variables in the order of the file, without `Alias` elements of FMI 3.0."""
         return tuple(map(self._declared, self.every("ModelVariables/*")))
 
     def _declared(self, element: XmlElement) -> Declared:
@@ -295,8 +297,8 @@ class Description:
             yield from ((kind, e, int(e.get(name))) for e in self.every(path))
 
     def listed(self, name: str) -> list[Declared]:
-        """Return the variables to which a list of the model structure refers, without the ones
-        that the description lacks.
+        """Return the variables to which a list of the model structure refers. Entries that refer
+        to a missing variable are left out.
         """
         found = (self.numbered(number) for kind, _, number in self.entries() if kind == name)
         return [v for v in found if v is not None]

@@ -17,8 +17,8 @@ from harness.results.result import Array
 Canvas = Any
 """Figure of matplotlib."""
 COLUMNS, TICKS = 3, 8
-"""Number of panels side by side; largest number of values of a grid factor for which each value has
-a tick.
+"""COLUMNS: number of panels side by side. TICKS: if a factor has at most this number of values,
+chart() draws a tick at each value.
 """
 
 

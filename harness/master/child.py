@@ -74,7 +74,7 @@ PIPE = 1 << 16
 
 NOTE, OUTCOME = "note", "outcome"
 """Kinds of messages from the child. NOTE: a note for the user. OUTCOME: the last message, a pair of
-the error that the function raised (None: none) and its value.
+the error that the function raised (None: none) and the value that the function returned.
 """
 
 Send = Callable[[str, Any], None]
@@ -130,7 +130,7 @@ class Child:
         """
         until, over = time.monotonic() + seconds, False
         while time.monotonic() < until and not over:
-            ended = not self.process.is_alive()  # then all its output is in the pipes by now
+            ended = not self.process.is_alive()  # if so, all its output is in the pipes by now
             sources = self._open if ended else [*self._open, self.process.sentinel]
             ready = wait(sources, 0 if ended else LOOK_SECONDS)
             if self._terminal in ready:
@@ -143,7 +143,7 @@ class Child:
     def _received(self) -> Iterator[tuple[str, Any]]:
         try:
             kind, content = self._messages.recv()
-        except Exception:  # the end of the pipe, or bytes that third-party code wrote into it
+        except Exception:  # at the end of the pipe, or if third-party code wrote into it
             self._open.remove(self._messages)
             return
         if kind == NOTE:
@@ -210,7 +210,7 @@ def _open_files() -> set[int]:
     folder = Path("/proc/self/fd")
     if not FORK or not folder.is_dir():
         return set()
-    listed = list(folder.iterdir())  # includes the descriptor of the listing, now closed
+    listed = list(folder.iterdir())  # also the folder's own descriptor, now closed: no link
     return {int(file.name) for file in listed if file.is_symlink()}
 
 

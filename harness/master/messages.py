@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Log messages that FMUs send by the logger callback of FMI, and the note of the present FMI call.
+"""Log messages that FMUs send by the logger callback of FMI, and the note that names the present
+FMI call, for the error message if the process ends in this call.
 
 FMPy formats the messages of FMI 2.0, which have variadic arguments, in a small C library. This
 library can call only one Python function per process, so the messages of all instances arrive at
@@ -49,8 +50,8 @@ _warnings: dict[str, tuple[int, str]] = {}
 
 
 def _receive(instance: bytes | None, status: int, category: bytes | None, message: Any) -> None:
-    """Store a message of an instance: an error until take_error(), a warning until
-    report_warnings(). Log a message of the category STATISTICS at once.
+    """Store a message of an instance: take_error() returns errors, report_warnings() logs
+    warnings. Log a message of the category STATISTICS at once.
     """
     name, text = _text(instance), " ".join(_text(message).split())
     if status >= DISCARD:
@@ -107,7 +108,9 @@ def report_warnings(instance: str) -> None:
 
 
 def forget(instance: str) -> None:
-    """Forget all stored messages of an earlier instance with this name, and all stored errors."""
+    """Remove the stored warnings of an earlier instance with this name, and the stored errors of
+    all instances.
+    """
     _warnings.pop(instance, None)
     take_error(instance)
 

@@ -77,6 +77,8 @@ def _starts(system: System, names: Collection[str]) -> dict[str, dict[str, Param
 
 
 def _needs(text: str, names: Collection[str]) -> bool:
-    """Return whether a condition contains a variable or a parameter of a named component."""
+    """Return whether the text of a requirement or consistency condition contains a variable or a
+    parameter of one of the named components.
+    """
     read = (path.rpartition(" ")[2] for path in parsed(text).variables)
     return any(path.partition(".")[0] in names for path in read)

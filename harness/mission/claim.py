@@ -187,7 +187,8 @@ class Claim:
             numbers = tuple(np.atleast_1d(number(result)).tolist())
         if not np.isfinite(numbers).all():
             raise NotJudgedError(
-                "its value is not finite: values of the result are not finite or do not change"
+                "its value is not finite: values of the result are not finite, or they are constant"
+                " although the claim needs a change"
             )
         return numbers
 
@@ -326,7 +327,7 @@ class RuleFinding(NamedTuple):
 @dataclass(frozen=True)
 class Row:
     """Comparison of a quantity with published reference values in one case: the largest difference
-    over all rows, in `unit`.
+    at any time of the case, in `unit`.
 
     case: name of the case; tests: description of the tested code; source: name, place and licence
     of the reference values; tolerance: largest difference at which the values agree.
@@ -353,7 +354,7 @@ class Row:
 
 class Validation(NamedTuple):
     """Comparisons with published reference values. names: function that returns the names of all
-    cases; answer: function that returns the rows of the cases with these names.
+    cases; answer: function that returns the comparisons (Row) of the cases with given names.
     """
 
     names: Callable[[], Sequence[str]]

@@ -66,10 +66,10 @@ class Curve(Checked):
     source: a variable, an expression of variables and parameters, or a function of the result that
     needs the variables `needs`; convert: function of the time series that returns the values to
     draw; labels: names of the elements; style: line style ("": the style that belongs to the
-    colour); anew: whether the first line has the first colour again, instead of the colour after
-    the last one used; parameters: parameters of the run without which the curve is left out; jump:
-    difference between two rows above which the line is interrupted, as where Rodrigues parameters
-    change to their shadow set.
+    colour); anew: whether the colours of the lines begin again with the first colour, instead of
+    the colour after the last one in the panel; parameters: parameters of the run without which the
+    curve is left out; jump: difference between two rows above which the line is interrupted, as
+    where Rodrigues parameters change to their shadow set.
     """
 
     source: Source
@@ -88,7 +88,8 @@ class Curve(Checked):
 
     def history(self, result: Result) -> Array:
         """Return the values to draw, (rows,) or (rows, elements), NaN where a value exceeds
-        LARGEST. Raise HarnessError if a function returns another number of rows.
+        LARGEST. Raise HarnessError if a function returns no array or not one row per row of the
+        result.
         """
         values = values_of(result, self.source)
         drawn = self.convert(values) if self.convert else values

@@ -51,13 +51,13 @@ class Metric(BaseMetric):
     """Metric in a column of a comparison. A function `compute` takes the result and the Limits of
     the comparison; it returns the value, or an expression that gives the value.
 
-    beside: whether the headline values of a run's page leave the metric out; about: function that
-    returns the last line of the column's heading, a text about the limits of the metric; words:
-    names of the values 0, 1, ..; apart: a comparison warns if values differ by more than this
-    factor; above: a comparison shows the metric, with a warning, only if a value exceeds this
-    number; meaning: a sentence that explains the metric to readers of a page; live: function of
-    result and limits that returns the expression for a live page, if `compute` returns no
-    expression.
+    beside: whether the page of a run omits the metric from its headline values; about: function of
+    limits and results by label that returns the last line of the column's heading, a text about the
+    limits of the metric; words: names of the values 0, 1, ..; apart: a comparison warns if
+    values differ by more than this factor; above: a comparison shows the metric, with a warning,
+    only if a value exceeds this number; meaning: a sentence that explains the metric to readers of
+    a page; live: function of result and limits that returns the expression for a live page, if
+    `compute` returns no expression.
     """
 
     beside: bool = False
@@ -210,8 +210,8 @@ class Example(NamedTuple):
 
 class Scene(NamedTuple):
     """Replay in space, for results with the variables `needs` and with `parameters`. build:
-    function of the result and the arrays of the page that returns the replay; several: the same
-    function for several results by label (None: not supported).
+    function that returns the replay, called with the result and the arrays of the page; several:
+    the same, called with several results by label instead of one (None: not supported).
     """
 
     needs: tuple[str, ...]

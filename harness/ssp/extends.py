@@ -62,7 +62,9 @@ def _without(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     out = [name for name, fmu in given.items() if fmu is False]
     if unknown := [name for name in out if name not in base["components"]]:
         close = did_you_mean(unknown[0], base["components"])
-        raise StructureError([f"components.{unknown[0]}: no component to leave out{close}"])
+        raise StructureError(
+            [f"components.{unknown[0]}: not in the extended system, nothing to leave out{close}"]
+        )
     before = [name for name in base.get("without", ()) if name not in given]
     fmus = {name: base["components"][name] if name in out else fmu for name, fmu in given.items()}
     return {**own, **({"components": fmus} if fmus else {}), "without": [*before, *out]}

@@ -25,7 +25,8 @@ class Study(Campaign):
 
     @property
     def estimate(self) -> dict[str, Any]:
-        """Return the estimate as dictionaries, lists and numbers. `of`: values by requirement;
+        """Return the estimate as dictionaries, lists and numbers. `of`: by requirement, the
+        effects of the factors (sensitivity) or the worst run with its repetitions (worst);
         `unjudged`: by requirement, the number of runs whose margin is NaN or infinite; further
         entries depend on the analysis.
         """
@@ -70,7 +71,7 @@ SMALL = 0.03
 small.
 """
 UNJUDGED = "are no evidence: not exercised, not judged or with an infinite margin"
-"""End of the line that states how many runs an estimate does not use."""
+"""End of the line `REQUIREMENT: N of M runs ...` about the runs that an estimate does not use."""
 
 
 def of_unit(value: float | None, unit: str) -> str:
@@ -106,7 +107,7 @@ def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
     if nothing and not failed:
         yield f"  without any effect: {', '.join(nothing)}"
     if failed:
-        yield f"  {failed} runs have no finite margin and count as the smallest margin"
+        yield f"  {failed} runs have no finite margin and count with the smallest finite margin"
 
 
 def _effect(found: Any, method: str, k: int, share: float, unit: str) -> str:
@@ -133,7 +134,7 @@ def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
         yield (
             f"{name}: NOT MET, worst margin {of_unit(found['margin'], unit)} in {runs} runs "
             f"(first failure after {found['first']} runs); nominal {nominal}; "
-            f"|z| = {found['distance']:.1f}"
+            f"distance from nominal |z| = {found['distance']:.1f}"
         )
     else:
         p = 1 - 0.05 ** (1 / runs)

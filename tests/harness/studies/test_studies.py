@@ -267,7 +267,7 @@ def test_effects_beside_runs_that_failed_are_not_exact(system, tmp_path):
     given = table(system, sensitivity={"of": "small", "runs": 30})
     given["factors"]["bad.t_fail"] = {"uniform": {"low": 0.0, "high": 12.0}}
     summary = sensitivity(given, tmp_path / "s.zarr", workers=0).summary()
-    assert "runs have no finite margin and count as the smallest margin" in summary
+    assert "runs have no finite margin and count with the smallest finite margin" in summary
     assert "exactly not" not in summary
 
 
