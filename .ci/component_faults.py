@@ -2,13 +2,14 @@
 """Measure the share of deliberate faults that the tests catch, per component of flight software.
 
     python .ci/component_faults.py FILE [--seed N] [--count N] [--jobs N] [COMPONENT...]
-                                                                                  (make faults)
+
+`make faults` runs this command.
 
 Draws `count` faults per component, each in its C file or in a header that only this component
 includes. For each fault, runs the tests of the component until one fails. tests/mutation contains
-the functions that draw a fault and that run the tests. FILE has a line of JSON per fault. The
-faults of a component are drawn anew if its code has changed since, or if FILE has fewer than
-`count` faults of the component.
+the functions that draw a fault and that run the tests. FILE is read and updated; it has a line of
+JSON per fault. The faults of a component are drawn anew if its code has changed since the lines
+were written, or if FILE has fewer than `count` faults of the component.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ def prepare(folder: str) -> None:
 
 def outcomes(name: str, source: str, seed: int, count: int) -> list[dict[str, object]]:
     """Return the rows of FILE for a component: its first `count` faults that compile and lie
-    in a file from which a tested program is compiled. source: hash of the sources of the component.
+    in a file from which a tested program is compiled. A row has the keys component, sources
+    (hash), seed, fault, outcome, and by (test that caught the fault, or the FMUs that contain
+    it). source: hash of the sources of the component.
     """
     files = evidence.owners()[name]
     return list(islice(_outcomes(name, files, source, seed, count), count))

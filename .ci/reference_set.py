@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Write reference-ssps.zip for makers of tools: every system in all standards, with the trace that
-a tool must give, tolerances with their reasons, and the script that compares.
+"""Write reference-ssps.zip for makers of tools: every system as SSP 1.0, as SSP 2.0, and as SSP 2.0
+with FMUs of FMI 3.0; the trace that a tool must give; tolerances with their reasons; and the script
+that compares.
 
 python .ci/reference_set.py dist        # make release
 """
@@ -34,8 +35,9 @@ STEPS, EVERY = 200, 10
 """Macro steps of a trace, and macro steps per row."""
 DIGITS = 1e-11
 """Tolerance of a vector, as a share of the largest absolute value of its elements in the trace."""
+# reason of a tolerance, by whether any value of the vector in the trace differs from zero
 REASONS = {
-    True: "bits should be equal at every instant; wide enough for a CSV file of twelve digits",
+    True: "bits should be equal at every instant; the tolerance suits a CSV file of twelve digits",
     False: "the trace is zero at every instant, so only zero is right",
 }
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)

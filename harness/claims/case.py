@@ -3,8 +3,9 @@
 which the paper states its claims.
 
 The settings of the run are compared with the settings that the system of the case has now: FMUs,
-parameters, time span, macro step, order of execution. Only a result without deviations gives a
-verdict on a paper. A second part of the module compares FMUs with published reference values.
+parameters, time span, macro step, order of execution. If a result with deviations does not
+reproduce a claim, this does not contradict the paper. A second part of the module compares FMUs
+with published reference values.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def _schedule_differences(result: Result, wanted: Provenance, free: Sequence[str
     ours = result.provenance
     end = float(result.time[-1]) if len(result.time) else np.nan
     if "stop" not in free and not np.isclose(end, wanted.stop or 0.0, rtol=1e-9):
-        yield f"it ends at {end:g} s instead of {wanted.stop:g} s"
+        yield f"the run ends at {end:g} s instead of {wanted.stop:g} s"
     if ours is None:
         return
     if ours.step != wanted.step:

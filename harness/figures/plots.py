@@ -67,7 +67,7 @@ def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Draw
         raise ResultsError("all variables are constant: there is no figure to draw")
     empty = [name for name, figure in figures.items() if figure.is_empty(result)]
     if empty:
-        _log.warning("not drawn, because nothing changes in them: %s", ", ".join(empty))
+        _log.warning("figures not drawn, because nothing changes in them: %s", ", ".join(empty))
     return {name: figure for name, figure in figures.items() if name not in empty}
 
 
@@ -80,7 +80,7 @@ def shown(result: Result, names: Sequence[str] = ()) -> Canvas:
     """
     known = {f.name: f for f in figures_of(result) if not f.is_empty(result)}
     if not names and not known:
-        raise ResultsError("all variables are constant: name some variables")
+        raise ResultsError("all variables are constant: name some variables to draw")
     name = names[0] if names else next(iter(known))
     figure = known[name] if name in known else figure_of(result, names)
     with SCREEN.used():
@@ -108,7 +108,7 @@ def overlay(
     """
     found, alone = compared(results) if results else ([], [])
     if alone:
-        _log.warning("not compared, because only one run has the variables: %s", ", ".join(alone))
+        _log.warning("figures not drawn, as only one run has the variables: %s", ", ".join(alone))
     colours = _colours(list(results))
     drawn = {f.name: partial(paint_overlay, f, runs, colours, style) for f, runs in found}
     return _write(directory, ending, style, drawn)

@@ -124,7 +124,9 @@ def compiling(fmu: Path) -> Iterator[None]:
 
 
 class _Runs(ctypes.Structure):
-    """C struct Runs of core/lanes/runs.h: the runs in the lanes, with their times and tables."""
+    """C struct Runs of core/lanes/runs.h: the runs in the lanes, with their common
+    time and the table of recorded rows of each.
+    """
 
     _fields_ = layout(
         (ctypes.c_double, "start step"),

@@ -6,7 +6,9 @@
     tcp://host:port, unix:///path      a board that listens at this address
     serial:///dev/ttyACM0?baud=921600  a board on a serial line
 
-Options follow a question mark: timeout, retries, deadline, late, slot. In the system, a link FMU
+Options follow a question mark: timeout (seconds for an answer), retries (repetitions of a request),
+deadline (seconds after which the answer to a step is late), late (reaction to a late answer), slot
+(number of the component on the board), baud (rate of a serial line). In the system, a link FMU
 represents the component. It consists of the model description of the component, the library of the
 link, and the settings of the link.
 """

@@ -134,7 +134,8 @@ def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
 
 def pictures(path: Path, folder: Path, ending: str, style: Style) -> list[Path]:
     """Draw the figures of a campaign into files in a folder, and return their paths; path: Zarr
-    dataset; ending: of the files, such as `png`. Raises ResultsError.
+    dataset; ending: of the files, such as `png`. Raises ResultsError if the
+    dataset cannot be read or a file cannot be written.
     """
     store = Store.open(path)
     with style.used():

@@ -227,7 +227,8 @@ def variables(
     table: Result | None,
 ) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
     """Yield every variable of a table: name, names of its axes without time (none for a scalar, one
-    for a vector, two for a matrix), values (rows, ...), and attributes.
+    for a vector, two for a matrix), values (rows, ...), and attributes (unit, description, names of
+    modes, names of elements). Yield nothing if `table` is None (parameters unknown).
     """
     if table is None:
         return
@@ -260,7 +261,7 @@ def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
 
 
 def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
-    """Return the names of the elements of a variable of that shape, counted from 1."""
+    """Return the names of the elements of a variable of this shape, with indices from 1."""
     return list(expand(name, np.empty(shape).tolist())) if shape else [name]
 
 

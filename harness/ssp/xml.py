@@ -30,8 +30,8 @@ NS = {
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
     "run": "urn:io.github.servicing-fmus:run:1",
 }
-"""Namespaces by the prefixes that libcosim, ecos and OMSimulator expect literally; `run` is our own
-annotation.
+"""Namespaces by the prefixes that libcosim, ecos and OMSimulator expect literally; `run` is the
+namespace of the annotation of this project.
 """
 
 SSD_FILE = "SystemStructure.ssd"
@@ -129,8 +129,8 @@ def embedded(element: XmlElement, schema: str) -> XmlElement:
 
 
 def _valid(root: XmlElement, schema: str, name: str) -> XmlElement:
-    """Return the root with SSP 2.0 names replaced by SSP 1.0 names and without empty optional
-    attributes. Raise StructureError if the root is not valid; every line begins with `name`.
+    """Simplify a root of SSP 2.0 by simplify(), remove empty optional attributes, and return the
+    root. Raise StructureError if it is not valid; each line of the error begins with `name`.
     """
     if is_version_2(root):
         simplify(root)
@@ -192,14 +192,14 @@ def simplify(root: XmlElement) -> None:
 
 
 def as_version_1(root: XmlElement) -> XmlElement:
-    """Return a copy of a root from simplify() without all other additions of SSP 2.0, so that the
-    schema of SSP 1.0 can check it.
+    """Return a copy of a root without the additions of SSP 2.0 that simplify() has left, so that
+    the schema of SSP 1.0 can check it.
     """
     copy = deepcopy(root)
     copy.set("version", "1.0")
     etree.strip_elements(copy, *_NEW_PARTS)
     for element in copy.iter(*_VALUES):
-        element.set("value", "0")  # SSP 1.0 permits no list of values; parameter_set() checks these
+        element.set("value", "0")  # SSP 1.0 permits no lists; parameter_set() checks the values
     for element in copy.iter(tag("ssd:Connector")):
         element.set("kind", _OLD_KINDS.get(element.get("kind"), element.get("kind", "")))
     for element in copy.iter(tag("ssd:Component")):

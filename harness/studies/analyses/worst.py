@@ -73,7 +73,7 @@ def search(
     """
     rng = np.random.default_rng(seed)
     rows, margins = np.empty((0, d)), np.empty(0)
-    wide = max(d, 2)  # cma cannot search in one coordinate: a second one without effect is added
+    wide = max(d, 2)  # cma needs two coordinates: a second without effect is added
     start = np.zeros(wide)
     while runs - len(margins) >= generation(d):
         engine = _engine(start, box, rng)
@@ -83,7 +83,7 @@ def search(
             engine.tell(list(z), _ranked(y))
             rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
         start = rng.uniform(-box, box, wide) / 2
-    if runs > len(margins):  # too few left for a generation: draw them near the worst run
+    if runs > len(margins):  # too few runs left for a generation: draw them near the worst
         spread = rng.standard_normal((runs - len(margins), d)) / 2
         middle = rows[np.argmin(margins)] if len(margins) else start[:d]
         z = (middle + spread).clip(-box, box)
@@ -168,9 +168,9 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
 
 
 def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
-    """Search for the worst run of one requirement; return the run's margin, number, coordinates and
-    further entries, which the estimate of the study contains. column: index of the requirement
-    among the margins.
+    """Search for the worst run of one requirement; return the entries of its estimate by name:
+    margin, number of the worst run in the dataset (run) and in the search (place), coordinates
+    (numbers), and others. column: index of the requirement among the margins.
     """
     first, seed, d = driver.completed, driver.evaluator.plan.table.seed, driver.evaluator.d
     worst = search(lambda z: driver.evaluate(z)[:, column], d, seed, entry.runs, entry.box)
@@ -234,9 +234,9 @@ def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
 
 
 def _files(requirements: Iterable[str]) -> dict[str | None, str]:
-    """Return the name of the results file of the worst run by requirement, and of the nominal run
-    with the key None, the first one. A name has `_` in place of each character that is unsafe in a
-    file name, and a number if the name would otherwise be taken.
+    """Return the name of the results file of the worst run by requirement; the first entry, with
+    the key None, is for the nominal run. A name has `_` in place of each character that is unsafe
+    in a file name, and a number if the name would otherwise be taken.
     """
     found: dict[str | None, str] = {None: "nominal.nc"}
     for name in requirements:

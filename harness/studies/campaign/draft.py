@@ -229,7 +229,7 @@ class _Draft:
         return Task(*common, kinds, first.requirements, begin, step, steps, read)
 
     def _names(self, kinds: Result) -> None:
-        """Check that the system has all variables that metrics and recorded time series name.
+        """Check that the system has all variables to which metrics and the table `record` refer.
         kinds: result that has the names of all variables.
         """
         named = [(_place(n), v) for n, t in self.table.texts.items() for v in metrics.variables(t)]
@@ -243,8 +243,8 @@ class _Draft:
     def _measurable(
         self, structures: Sequence[tuple[System, Checked]], found: Mapping[str, BaseMetric]
     ) -> frozenset[str] | None:
-        """Add a problem for each metric without a value in any structure (combination of options),
-        and for the metric `success` if it has no value in one of the structures. Return the names
+        """Add a problem for each metric that has a value in no structure (combination of options),
+        and for the metric `success` if it has no value in at least one structure. Return the names
         of the variables that metrics, requirements and recorded time series read; None if a metric
         is a function of the user, which may read any variable.
 

@@ -299,7 +299,7 @@ def test_the_nearest_of_several_cases_counts():
     result = run("sync_approach", params="robust", stop=1.0)
     assert unlike(about(CASE, replace(CASE, params="robust")), result) == []
     (end,) = unlike(about(Case("sync_approach", "robust")), result)
-    assert end == "it ends at 1 s instead of 1800 s"
+    assert end == "the run ends at 1 s instead of 1800 s"
     assert unlike(about(Case("relay_approach")), result)[0].startswith("system sync_approach")
 
 
