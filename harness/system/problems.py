@@ -45,7 +45,7 @@ def value_problems(
     changed: the components with new parameters.
     """
     yield from schedule_problems(system.experiment.algorithm, system.components)
-    if system.strict and changed:
+    if system.strict:
         yield from _open_inputs(system, interfaces)
     for component in changed:
         if component.name in interfaces:

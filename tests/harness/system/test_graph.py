@@ -9,7 +9,7 @@ import pytest
 
 from harness import run
 from harness.errors import FmuError, StructureError
-from harness.system.graph import build_graph
+from harness.system.graph import build_graph, rebuilt
 from harness.system.model import Parameter
 
 
@@ -61,7 +61,11 @@ def test_an_open_input_is_an_error_in_a_strict_system_only(make):
     assert problems(strict) == (
         "g.u: no output of this name: connect it in [connections] or list it in [open]",
     )
-    build_graph(replace(make({"g": "gain"}, parameters={"g.u": 1.0}), strict=True))
+    given = replace(make({"g": "gain"}, parameters={"g.u": 1.0}), strict=True)
+    graph = build_graph(given)
+    removed = tuple(replace(c, parameters={}) for c in given.components)
+    with pytest.raises(StructureError, match="g.u: no output of this name"):
+        rebuilt(replace(given, components=removed), given, graph)
 
 
 @pytest.mark.parametrize(
