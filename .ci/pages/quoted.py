@@ -170,8 +170,8 @@ NOTED = ("adaptive_controller", "cortex-m7")
 
 
 def compared() -> str:
-    """Return, as text, the numbers of flight FMUs and of processors whose bits were compared with
-    the simulation.
+    """Return a text: how many flight FMUs were compared with the simulation, bit by bit, on how
+    many processors.
     """
     found = list(rows())
     assert all(r["equal bits"].startswith("yes") for r in found)

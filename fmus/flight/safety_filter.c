@@ -248,7 +248,7 @@ static int can_stop(const Parameters *p, const Geometry *g, double slope, vec3 F
     return (!g->sphere || stops_outside(p, &h)) && (!g->corridor || stops_inside(p, g, slope, &h));
 }
 
-/* (25): force that stops the servicer in one hold, scaled down into the box */
+/* (25): force that stops the servicer within one sample period P, scaled down into the box */
 static vec3 braking(const Parameters *p, const Geometry *g)
 {
     vec3 v = g->corridor ? g->v_T : g->v, a = g->corridor ? g->a_T : g->g, most = p->F_max;

@@ -135,8 +135,8 @@ def _relative(result: Result, rows: slice = ALL) -> Array:
 
 def _aligned(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
     """Return error(position, reference position) for these rows, (rows, ...). The reference for
-    each row is the one that the guidance computed from the states of this row. It is taken from the
-    next row where the result contains it only there (is_late()).
+    each row is the one that the guidance computed from the states of this row. If
+    the result contains it one row later (is_late()), it is taken from that row.
     """
     late = is_late(result, REFERENCE)
     return aligned(_relative(result, rows), result[REFERENCE][rows], error, late)

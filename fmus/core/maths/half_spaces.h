@@ -13,7 +13,7 @@
 #include "vec3.h"
 
 enum { MOST_ROWS = 26, ALL_SATISFIED = -1 };
-#define END_OF_LINE 1e30 /* largest |s| on a line from + s along that nothing bounds */
+#define END_OF_LINE 1e30 /* largest |s| on an unbounded line of points `from` + s `along` */
 
 typedef struct {
     vec3 n; /* unit normal */

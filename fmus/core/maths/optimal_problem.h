@@ -57,8 +57,8 @@ typedef struct {
 } Iterates;
 
 /* progress in the last iteration. residual: square of the largest |path - z| of positions p and
- * accelerations u; change: square of the largest change of z; count: number of nodes where box,
- * cone or slab (or ball) limits the path */
+ * accelerations u; change: square of the largest change of z; count: number of nodes at which
+ * the box, the cone, or the slab or ball limits the path */
 typedef struct {
     double residual_p, residual_u, change_p, change_u;
     double count_box, count_cone, count_slab;

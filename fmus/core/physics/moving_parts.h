@@ -57,7 +57,7 @@ typedef struct {
 typedef struct {
     double count; /* number of parts that exist */
     Part part[PARTS];
-    double mass_0, mass; /* mass of the vehicle and of the hub, at the start */
+    double mass_0, mass; /* at the start: mass of the whole vehicle, mass of the hub */
     vec3 first_moment;   /* h of (3): first moment of the hub about S */
     sym3 inertia;        /* I_h0 of (3): inertia of the hub about S, wheels locked */
     sym3 I_fixed;        /* terms of the inertia I about S that do not depend on the coordinates */
