@@ -64,7 +64,7 @@ def test_an_open_input_is_an_error_in_a_strict_system_only(make):
     given = replace(make({"g": "gain"}, parameters={"g.u": 1.0}), strict=True)
     graph = build_graph(given)
     removed = tuple(replace(c, parameters={}) for c in given.components)
-    with pytest.raises(StructureError, match="g.u: no output of this name"):
+    with pytest.raises(StructureError, match=r"g\.u: no output of this name"):
         rebuilt(replace(given, components=removed), given, graph)
 
 
