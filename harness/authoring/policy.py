@@ -67,10 +67,8 @@ class Policy:
                 raise UsageError(f"layer {i + 1}: expected weights {shape}, got {np.shape(w)}")
             width = len(b)
         if width != len(self.ports.low):
-            raise UsageError(
-                f"the last layer has {width} outputs; expected {len(self.ports.low)}, "
-                "the number of commanded elements"
-            )
+            commanded = len(self.ports.low)
+            raise UsageError(f"the last layer has {width} outputs for {commanded} commanded values")
         if self.activation not in ACTIVATIONS:
             raise UsageError(f"activation {self.activation}: expected {' or '.join(ACTIVATIONS)}")
 

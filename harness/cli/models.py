@@ -112,8 +112,7 @@ SspOption = Annotated[
 HintsOption = Annotated[
     bool,
     option(
-        "--hints",
-        "Write step sizes of slow components for libcosim, ecos; OMSimulator rejects the file",
+        "--hints", "Write steps of slow components for libcosim, ecos; OMSimulator rejects them"
     ),
 ]
 

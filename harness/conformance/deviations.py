@@ -119,10 +119,8 @@ def _dependencies(d: Description) -> Iterator[str]:
             yield f"{place}: expected {len(numbers)} dependency kinds, got {len(kinds)}"
         others = set(kinds) - {"dependent", "constant"}
         if kind == "InitialUnknowns" and others:
-            yield (
-                f"{place}: dependenciesKind {', '.join(sorted(others))} is not permitted for an "
-                "initial unknown; use dependent or constant"
-            )
+            kinds = ", ".join(sorted(others))
+            yield f"{place}: dependenciesKind is {kinds}, expected dependent or constant"
         v = d.numbered(number)
         if kind == "InitialUnknown" and v and v.type == "Clock":
             yield f"{place}: {v.name} is a clock, which has no initial value"

@@ -256,8 +256,7 @@ def _plan(system: System, graph: Graph, name: str) -> dict[str, Any]:
     found = ((n.component.name, n.interface.variables.values()) for n in graph.nodes)
     if others := sorted(n for n, known in found if any(v.type != "Real" for v in known)):
         raise NotFusedError(
-            f"{', '.join(others)}: not all variables are Real, which is required to compile a "
-            "system to one FMU"
+            f"{', '.join(others)}: one FMU of a system needs variables of type Real"
         )
     experiment = system.experiment
     driver = {w.slot: (i, w.variable.name) for i, n in enumerate(graph.nodes) for w in n.outputs}

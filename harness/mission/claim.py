@@ -180,16 +180,12 @@ class Claim:
         if not len(result.time):
             raise NotJudgedError("the run recorded no row")
         if (interval := np.diff(result.time).max(initial=0.0)) > self.interval + ROUNDING:
-            raise NotJudgedError(
-                f"rows are up to {interval:g} s apart, the claim needs at most {self.interval:g} s"
-            )
+            most = f"the claim needs at most {self.interval:g} s"
+            raise NotJudgedError(f"rows are up to {interval:g} s apart, {most}")
         with np.errstate(all="ignore"):
             numbers = tuple(np.atleast_1d(number(result)).tolist())
         if not np.isfinite(numbers).all():
-            raise NotJudgedError(
-                "its value is not finite: values of the result are not finite, or they are constant"
-                " although the claim needs a change"
-            )
+            raise NotJudgedError("its value is not finite: the result is constant or not finite")
         return numbers
 
     def verdict(self, value: float) -> Verdict:

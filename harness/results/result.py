@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from html import escape
+from importlib.util import find_spec
 from typing import Any, ClassVar
 
 import numpy as np
@@ -149,8 +150,15 @@ class Result:
         state = "" if self.complete else f", incomplete: {self.message or 'the run ended early'}"
         return f"{self.system}: {span}, {len(self.time)} rows, {len(self.columns)} columns{state}"
 
-    def _repr_html_(self) -> str:
-        return as_page(self)
+    def _repr_html_(self) -> str | None:
+        """Return HTML for a notebook: settings of the run, and the dataset as xarray shows it; None
+        without xarray.
+        """
+        if find_spec("xarray") is None:
+            return None
+        settings = self.provenance.lines() if self.provenance is not None else []
+        lines = "<br>".join(map(escape, [self.summary, *settings]))
+        return f"<p>{lines}</p>{self.to_xarray()._repr_html_()}"
 
     def to_xarray(self) -> Any:
         """Return the result as an xarray.Dataset, as xarray.open_dataset() reads it from a .nc:
@@ -208,7 +216,7 @@ def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
     return array
 
 
-# ---- views: variables with axes, and a table with units for a notebook
+# ---- views: variables with axes
 
 
 ELEMENTS = "elements"
@@ -219,8 +227,6 @@ PROVENANCE = "provenance_"
 """Prefix of the names of attributes with the provenance of a result."""
 AXES = {3: "axis"}
 """Name of the second dimension of a vector by its length; other lengths n are called axis_n."""
-SHOWN = 400
-"""Largest number of variables that the table of a result lists in a notebook."""
 
 
 def variables(
@@ -290,34 +296,3 @@ def attributes(table: Result) -> dict[str, Any]:
         "complete": int(table.complete),
         **{PROVENANCE + name: value for name, value in origin.items()},
     }
-
-
-def as_page(table: Result) -> str:
-    """Return a result as HTML for a notebook: settings of the run, and a table of its variables."""
-    settings = table.provenance.lines() if table.provenance is not None else []
-    found = list(variables(table))
-    rows = [_row("th", ("name", "shape", "unit", "first", "last", "meaning"))]
-    rows += [_row("td", _cells(*each)) for each in found[:SHOWN]]
-    more = f"<p>and {len(found) - SHOWN} more</p>" if len(found) > SHOWN else ""
-    return (
-        f"<p><b>{escape(table.summary)}</b></p><p>{'<br>'.join(map(escape, settings))}</p>"
-        f"<details><summary>{len(found)} variables</summary>"
-        f"<table>{''.join(rows)}</table>{more}</details>"
-    )
-
-
-def _row(tag: str, cells: Iterable[str]) -> str:
-    return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
-
-
-def _cells(name: str, _axes: Any, values: Any, about: dict[str, str]) -> tuple[str, ...]:
-    shape = " x ".join(map(str, values.shape[1:])) or "scalar"
-    ends = (_short(values[0]), _short(values[-1])) if len(values) else ("", "")
-    return (name, shape, about["units"], *ends, about["long_name"])
-
-
-def _short(value: Any) -> str:
-    """Return a number, or the first four elements of an array, as text."""
-    numbers = value.reshape(-1).tolist()
-    shown = ", ".join(f"{number:.4g}" for number in numbers[:4])
-    return f"[{shown}{', ...' if len(numbers) > 4 else ''}]" if value.ndim else shown

@@ -95,16 +95,14 @@ class Compared(Struct, frozen=True):
     set: Text = ""
 
 
+SLIDER = "[least, largest], or [] for the range in the FMU"
+"""Form of the range of a slider."""
+
+
 class Live(Struct, frozen=True):
     """Parameters that the reader of a live page may change, `[live]`."""
 
-    sliders: dict[
-        str,
-        Annotated[
-            list[Number],
-            Meta(max_length=2, description="[least, largest], or [] for the range in the FMU"),
-        ],
-    ] = {}
+    sliders: dict[str, Annotated[list[Number], Meta(max_length=2, description=SLIDER)]] = {}
 
 
 class Source(Struct, frozen=True):
@@ -349,10 +347,7 @@ def build(source: Path, fmus: Path, output: Path) -> None:
     system = read(source, known)
     if system.without:
         left_out = ", ".join(system.without)
-        line = (
-            f"{source.name}: [components] contains `= false` for {left_out}, but this program "
-            "cannot leave out components; write the system with `harness export`"
-        )
+        line = f"{source.name}: leaves out components ({left_out}): use `harness export` for it"
         raise StructureError([line])
     write_ssp(system, output)
 

@@ -187,9 +187,7 @@ class _Differences:
             with np.errstate(over="ignore", invalid="ignore"):
                 columns[:, k] = (4 * fine - coarse) / 3
             if not np.isfinite(columns[:, k]).all():
-                raise self._no_model(
-                    f"the differences for the derivatives with respect to {name} overflow"
-                )
+                raise self._no_model(f"derivatives with respect to {name} overflow")
         return columns
 
     @np.errstate(over="ignore", invalid="ignore")
@@ -224,9 +222,7 @@ class _Differences:
         again = dict(zip(self.names, self._run(self._restart(state), self.at, 0), strict=True))
         for name, value in state.items():
             if abs(again[name] - value) > 1e-9 * max(1.0, abs(again[name])):
-                raise self._no_model(
-                    "this state has another value after a restart at the operating point", name
-                )
+                raise self._no_model("a restart gives this state another value", name)
         self.state = {name: value for name, value in state.items() if self._follows(name, state)}
         by_state = self._matrix(self.state, RELATIVE_STATE, True)
         by_input = self._matrix(self.inputs, RELATIVE_INPUT, False)

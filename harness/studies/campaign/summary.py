@@ -170,10 +170,7 @@ def left_out(metric: str, factors: Mapping[str, Array], column: Array) -> str:
     """Return a line that states how many factors ranked() leaves out for a metric, "" if none."""
     runs = int(np.isfinite(column).sum())
     count = len(factors) - len(ranked(factors, column, len(factors)))
-    within = (
-        f"correlate by at most {chance(len(factors), runs):.2f}, which chance alone may cause in "
-        f"{runs} runs"
-    )
+    within = f"correlate by at most {chance(len(factors), runs):.2f}, as {runs} runs may by chance"
     return f"{metric}: {count} of {len(factors)} factors {within}" if count else ""
 
 

@@ -201,7 +201,7 @@ ODD = {
     "a kind for steps": Fault(
         '<InitialUnknowns><Unknown index="2" dependencies="1"',
         '<InitialUnknowns><Unknown index="2" dependencies="1" dependenciesKind="fixed"',
-        "dependenciesKind fixed is not permitted for an initial unknown",
+        "dependenciesKind is fixed, expected dependent or constant",
     ),
     "a derivative of nothing": Fault(' derivative="7"', "", "the attribute derivative of "),
     "a missing initial unknown": Fault('<Unknown index="9"/>', "", "must list c"),

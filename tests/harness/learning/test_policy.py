@@ -67,7 +67,7 @@ def test_networks_that_do_not_fit_are_errors(learned, tmp_path):
     env, _, _ = learned
     with pytest.raises(UsageError, match=r"layer 1: expected weights \(4, 9\)"):
         env.policy([(np.zeros((4, 3)), np.zeros(4))])
-    with pytest.raises(UsageError, match="has 4 outputs; expected 6"):
+    with pytest.raises(UsageError, match="has 4 outputs for 6 commanded values"):
         env.policy([(np.zeros((4, 9)), np.zeros(4))])
     (tmp_path / "bad.npz").write_bytes(b"nothing")
     with pytest.raises(UsageError, match="is not a policy"):

@@ -581,7 +581,7 @@ def _ephemeris(path):
     return [(row[0], np.array(row[1:], dtype=float)) for row in rows]
 
 
-def test_no_body_is_left_out_for_want_of_a_colour(out, tmp_path, monkeypatch):
+def test_no_body_is_left_out_because_colours_run_out(out, tmp_path, monkeypatch):
     monkeypatch.setattr(czml, "COLOURS", ([1, 2, 3, 255],))
     _, *packets = json.loads(convert(out, tmp_path / "out.czml", None, EPOCH).read_text())
     colours = [each["point"]["color"]["rgba"] for each in packets]

@@ -281,7 +281,7 @@ def test_influences_that_may_be_chance_are_left_out_and_counted():
     assert [*summary.ranked(factors, x + 0.1 * rng.normal(size=200))] == ["gain"]
     line = summary.left_out("end", factors, x)
     size = f"{summary.chance(3, 200):.2f}"
-    reason = f"correlate by at most {size}, which chance alone may cause in 200 runs"
+    reason = f"correlate by at most {size}, as 200 runs may by chance"
     assert line == f"end: 2 of 3 factors {reason}"
 
 

@@ -96,7 +96,7 @@ def test_an_unknown_value_is_rejected_with_close_names():
 
 
 def test_differences_that_overflow_are_one_reason(fmus):
-    reason = "no linear model: the differences for the derivatives with respect to u overflow"
+    reason = "no linear model: derivatives with respect to u overflow"
     with pytest.raises(RunError, match=f"gain.*{reason}"):
         linearize(fmus["gain"], step=1.0, values={"k": 4.5e307})
 
