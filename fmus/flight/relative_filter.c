@@ -3,6 +3,9 @@
  *
  *   r_GK_K = C_KN (C_TN^T d - rho) - C_KS p_KS_S + noise,    q_TK = (q_SN q_KS)* q_TN rot(noise)
  *
+ * K: camera; G: origin of the tracked model, at d in T axes from the centre of mass of the target;
+ * rho: position of S relative to T; p_KS_S: place of the camera in S axes.
+ *
  * A pose belongs to the sample of its time stamp. Two estimates are stored: the anchor at the last
  * pose, or at the oldest stored sample if that is later; and the head at the present sample. A
  * pose moves the anchor to its sample. If the pose is used, the head is propagated again from the

@@ -26,7 +26,8 @@ typedef struct {
 } Motion;
 typedef struct {
     Motion now;
-    /* vehicle: constants of hub and parts; substeps: n of (12); both from parameters only */
+    /* vehicle: constants of hub and parts; substeps: n of (12) in docs/models.md L; both depend on
+     * parameters only */
     Vehicle vehicle;
     double substeps;
 } State;

@@ -101,8 +101,8 @@ def _composed(x: Array, y: Array, begin: Rows, length: Rows) -> tuple[Array, Arr
 
 
 def _after(x_1: Array, y_1: Array, x_2: Array, y_2: Array) -> tuple[Array, Array]:
-    """Join two blocks, one after the other, and return the values of _composed(): min(x_1, x_2) and
-    max(y_1, min(x_1, y_2)).
+    """Join two blocks of rows, the second after the first, and return two values of the whole, as
+    _composed() does: the smallest x, min(x_1, x_2), and the witness, max(y_1, min(x_1, y_2)).
     """
     later = np.where(np.isnan(x_1), y_2, np.minimum(x_1, y_2))
     return np.fmin(x_1, x_2), np.fmax(y_1, later)

@@ -210,7 +210,7 @@ class _Reader:
         if own is not None:
             return round(self._number(own, "every") or 1), round(self._number(own, "latency") or 0)
         if hint and not experiment.step:
-            unused = f"its step of {hint:g} s is not used, as the file contains no macro step"
+            unused = f"the step size of {hint:g} s is not used, as the file gives no fixed step"
             self.tree.notes.append(f"{name}: {unused}")
         return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
 

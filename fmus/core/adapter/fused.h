@@ -32,7 +32,7 @@ typedef struct {
     size_t head;   /* index in the memory of the first parameter of the part; inputs follow */
     size_t tail;   /* index in the memory of the first state of the part; outputs follow */
     Copies driven; /* published outputs of other parts -> inputs of this part */
-    Copies late;   /* outputs that are published late: tail -> copies that other parts read */
+    Copies late;   /* outputs that are published late: from this part to copies that others read */
 } Part;
 
 static inline size_t head_count(const ModelInterface *m)
