@@ -28,6 +28,6 @@ QUESTIONS = {
     "repeat a failed run": "how_to/repeat_a_run",
     "thruster layout": "how_to/other_thrusters",
     "c code without fmi": "how_to/flight_code",
-    "train a policy": "how_to/learn",
+    "learn a control law": "how_to/learn",
 }
 """Page without its ending by question."""
