@@ -230,18 +230,15 @@ class _Worker:
 
 
 def _serve(line: Any, ready: Ready, environment: Mapping[str, str]) -> None:
-    """Perform the tasks that arrive in the pipe `line` until the parent process closes it. Ctrl-C
-    is ignored, because the parent process handles it.
+    """Perform the tasks that arrive in the pipe `line` until the parent process closes it or is
+    killed. Ctrl-C is ignored, because the parent process handles it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
     os.environ.update(environment)  # the fork server was started with an older environment
-    with ready():
+    with ready(), suppress(EOFError, ConnectionError):  # the parent process has ended
         while True:
-            try:
-                order = line.recv()
-            except EOFError:
-                return
+            order = line.recv()
             line.send(_outcome(*order))
 
 

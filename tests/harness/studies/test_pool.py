@@ -6,9 +6,9 @@ from __future__ import annotations
 import os
 import signal
 import time
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from functools import partial
-from multiprocessing import forkserver
+from multiprocessing import Pipe, forkserver
 from pathlib import Path
 from threading import Thread
 
@@ -202,3 +202,27 @@ def test_a_fork_has_a_pool_of_its_own():
     assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 9
     with WorkerPool(1, retaining) as pool:
         assert pool.submit(square, 4).result() == 16
+
+
+@pytest.fixture
+def interruptible():
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_a_worker_ends_without_a_traceback_when_its_parent_is_killed_during_a_task():
+    ours, theirs = Pipe()
+    ours.send((square, (3,)))
+    ours.close()
+    pools._serve(theirs, nullcontext, {})
+
+
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.skipif(os.name != "posix", reason="sockets of POSIX")
+def test_a_worker_ends_without_a_traceback_when_its_parent_has_not_read_a_result():
+    ours, theirs = Pipe()
+    theirs.send("a result that the parent does not read")
+    ours.close()
+    pools._serve(theirs, nullcontext, {})
