@@ -177,7 +177,7 @@ def _unexpected(error: Exception | SystemExit) -> int:
         return _complain(line, 1)
     if isinstance(error, SystemExit):
         raise error
-    if isinstance(error, OSError) and error.filename is None:
+    if isinstance(error, OSError) and error.errno and error.filename is None:
         return _output_lost(error)
     hint = "internal error (HARNESS_TRACEBACK=1 prints the traceback)"
     return _complain(f"{hint}: {type(error).__name__}: {error}", 1)

@@ -15,6 +15,7 @@ import re
 import secrets
 import shutil
 import subprocess
+import sys
 import tempfile
 import weakref
 from collections.abc import Iterator
@@ -138,19 +139,24 @@ _GUARD = 'IFS= read -r word; [ "$word" = done ] || rm -rf -- "$1"'
 class PrivateFolder:
     """New temporary folder that only this user can read; a context manager that yields its path and
     then removes it.
+
+    longest: largest length of its path [bytes]. If its path in TMPDIR were longer, the folder is in
+    /tmp.
     """
 
-    def __init__(self) -> None:
-        guard = None
+    def __init__(self, longest: int = sys.maxsize) -> None:
+        guard, name = None, f"harness-{secrets.token_hex(8)}"
+        place = os.environ.get("TMPDIR", "the temporary folder")
         try:
-            self.path = Path(tempfile.gettempdir()) / f"harness-{secrets.token_hex(8)}"
+            self.path = Path(tempfile.gettempdir(), name)
+            if len(os.fsencode(self.path)) > longest:
+                place, self.path = "/tmp", Path("/tmp", name)
             # the guard starts before mkdir(), so that it also removes the folder if the process is
             # killed directly after mkdir()
             guard = _guard(self.path)
             self.path.mkdir(mode=0o700)
         except OSError as error:
             _dismiss(guard)
-            place = os.environ.get("TMPDIR", "the temporary folder")
             raise ResultsError(
                 f"{place}: cannot create temporary files ({error.strerror or error})"
             ) from error

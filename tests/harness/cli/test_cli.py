@@ -367,6 +367,21 @@ def test_an_internal_error_is_one_line_unless_a_traceback_is_requested(command, 
         command("list")
 
 
+def test_an_error_of_another_stream_is_not_reported_as_one_of_standard_output(command, monkeypatch):
+    def unreachable(_):
+        raise OSError("AF_UNIX path too long")
+
+    monkeypatch.setattr("harness.cli.showing.listed", unreachable)
+    status, _, err = command("list")
+    assert (status, err) == (
+        1,
+        [
+            "harness: internal error (HARNESS_TRACEBACK=1 prints the traceback): "
+            "OSError: AF_UNIX path too long"
+        ],
+    )
+
+
 # ---- as a process
 
 

@@ -22,7 +22,7 @@ import pytest
 from harness.cli.app import main
 from harness.errors import ResultsError
 from harness.files import signals
-from harness.files.output import written
+from harness.files.output import PrivateFolder, written
 from harness.results import files
 from harness.results.files import ResultFile, read, save
 from harness.results.formats import netcdf
@@ -447,6 +447,34 @@ def test_a_kill_between_guard_and_folder_leaves_no_folder(tmp_path):
         check=False,
     )
     until(lambda: not any(tmp_path.iterdir()), "empty folder")
+
+
+@posix
+def test_workers_start_where_the_path_of_temporary_files_is_longer_than_a_socket_permits(work):
+    scratch = work / "scratch" / ("x" * 100)
+    scratch.mkdir()
+    done = subprocess.run(
+        [sys.executable, "-m", "harness", *COMPARE[:-1], "3"],
+        cwd=work,
+        env=os.environ
+        | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "TMPDIR": str(scratch)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    until(lambda: not any(scratch.iterdir()), "empty folder")
+
+
+@posix
+def test_a_private_folder_in_a_short_place_has_the_rights_of_any_other(monkeypatch, tmp_path):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with PrivateFolder(len(str(tmp_path)) + len("/harness-0123456789abcdef")) as folder:
+        assert folder.parent == tmp_path
+    with PrivateFolder(len(str(tmp_path))) as folder:
+        assert folder.parent == Path("/tmp")
+        assert folder.stat().st_mode & 0o777 == 0o700
+    assert not folder.exists()
 
 
 @posix
