@@ -69,7 +69,8 @@ if hasattr(providers, "_get_local_constants"):
     providers._get_local_constants = lambda: NO_CONSTANTS
 
 REASONS = re.compile(
-    r"is not installed|no (gcc|aarch64|ziglang|C compiler)|of another compiler|nm for ELF|built"
+    r"is not installed|no (gcc|clang|aarch64|(python3-)?ziglang|C compiler)|of another compiler"
+    r"|nm for ELF|built"
     r"|of POSIX|[Ll]inux|Windows|needs |/proc|a shell|only root|network of its own"
     r"|saniti[sz]e|the system does not report|is not to be parsed"
     r"|^\w+ has (no|neither) |no input makes a step"

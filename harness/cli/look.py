@@ -232,7 +232,7 @@ def plot_command(
     names = list(filter(None, pieces(variables or "")))
     _use(mission)
     ending, style = drawing.how()
-    if file.is_dir():
+    if paths.is_folder(file):
         if names:
             raise UsageError(f"--var: {file} is a dataset; give the results file of a run")
         drawn = pictures(file, output or figures_of(file), ending, style)
@@ -269,9 +269,9 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
 
     wanted = require or []
     _use(mission)
-    if (live or lesson) and (output is None or file.is_dir()):
+    if (live or lesson) and (output is None or paths.is_folder(file)):
         raise UsageError("a live page needs the results file of one run, and -o PAGE.html")
-    if file.is_dir():
+    if paths.is_folder(file):
         if output is None:
             raise UsageError(
                 f"{file}: a campaign or comparison needs -o: harness report {file} -o "

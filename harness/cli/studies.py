@@ -271,9 +271,10 @@ def _file(given: Path) -> Path:
     """Return the TOML file of a campaign from its path, or from its name in an available mission;
     raise UsageError for an unknown name.
     """
+    from harness.files.paths import is_file
     from harness.mission.library import campaigns
 
-    if given.suffix or given.exists():
+    if given.suffix or is_file(given):
         return given
     known = campaigns()
     if str(given) not in known:

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harness.errors import HarnessError, UsageError
+from harness.files.paths import is_folder
 from harness.mission.fields import several
 from harness.mission.mission import Mission, together
 from harness.results.result import Result
@@ -56,7 +57,7 @@ def use(folder: Path, always: bool = False) -> str:
     Raises UsageError if there is no such folder or it contains no mission.
     """
     place = folder.resolve()
-    if not place.is_dir():
+    if not is_folder(place):
         raise UsageError(f"{folder}: there is no such folder")
     if not any((place / name).is_file() for name in (FILE, SYSTEM)):
         raise UsageError(f"{folder}: is not a mission: it holds neither {FILE} nor {SYSTEM}")

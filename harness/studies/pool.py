@@ -50,8 +50,6 @@ one worker per processor.
 """
 FILES, FILES_OF_A_PROCESS = 16, 4
 """File descriptors that must be free to start the fork server, and to start one worker process."""
-SOCKET = 103
-"""Largest length of the path of a socket [bytes]: 103 on macOS, 107 on Linux."""
 METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 """Method of the package multiprocessing by which workers are started."""
 CRASH = "the process of this run was killed from outside, or crashed inside an FMU"
@@ -276,7 +274,8 @@ def _private(_: int) -> PrivateFolder:
     process ends. The argument is the id of this process, so that the cached folder is not used in a
     forked child.
     """
-    folder = PrivateFolder(SOCKET - len("/listener-01234567"))
+    # the path of a socket may have 103 bytes on macOS, 107 on Linux
+    folder = PrivateFolder(103 - len("/listener-01234567"))
     atexit.register(folder.close)
     return folder
 

@@ -199,7 +199,7 @@ ATTEMPTS = [
         for command in ("report out.nc", "convert out.nc -o x.csv", "run --like out.nc -q -o x.nc")
         for name, states, change in (
             ("swaps of lists", "swaps: ", attribute("provenance_swaps", "[[[1], 2, 3]]")),
-            ("a step of text", "step: expected a number", attribute("provenance_step", "x")),
+            ("a step of text", "step: must be a finite number", attribute("provenance_step", "x")),
             ("NaN times", "row 0 has the time nan", values("time", lambda t: t * np.nan)),
             ("times backwards", "row 1 is earlier", values("time", lambda t: t[::-1])),
             ("a system 5", "system: expected a text", attribute("system", 5)),
@@ -237,13 +237,13 @@ ATTEMPTS = [
     Attempt("a sample period of 1e308 s", f"{RUN} --set controller.sample_period=1e308", 0, ""),
     Attempt(
         "no clock",
-        "target adaptive_controller --on cortex-m7 --clock 0",
+        "processor adaptive_controller --on cortex-m7 --clock 0",
         2,
         "harness: --clock 0: expected a frequency above 0 [Hz]",
     ),
     Attempt(
         "clock nan",
-        "target adaptive_controller --on cortex-m7 --clock nan",
+        "processor adaptive_controller --on cortex-m7 --clock nan",
         2,
         "harness: --clock nan: expected a frequency above 0 [Hz]",
     ),

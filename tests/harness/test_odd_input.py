@@ -147,14 +147,23 @@ def load_demo(folder):
         yield str(next(c.fmu for c in system.components if c.name == "twice"))
 
 
-@given(text=TEXT)
 @pytest.mark.parametrize(
-    "command", ["run", "check", "list", "draw", "compare", "linearize", "plot"]
+    "command",
+    [
+        *("run", "check", "list", "draw", "compare", "linearize", "plot", "report", "convert"),
+        *("requirements", "campaign", "worst", "sensitivity"),
+    ],
 )
+@given(text=TEXT)
+@example("a" * 300)
 def test_names_of_systems_and_files(command, text):
     if text.startswith("-") or text in ("demo.ssp",):
         return
-    further = {"compare": ["--algorithm", "jacobi,gauss-seidel"], "linearize": ["-o", "out/m.npz"]}
+    further = {
+        "compare": ["--algorithm", "jacobi,gauss-seidel"],
+        "linearize": ["-o", "out/m.npz"],
+        "convert": ["-o", "out/x.csv"],
+    }
     outcome(command, text, *further.get(command, []))
 
 

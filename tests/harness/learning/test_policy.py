@@ -80,7 +80,7 @@ def test_a_network_of_onnx_is_the_same_policy(learned, tmp_path):
     import json
     from dataclasses import asdict
 
-    import onnx
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
     from onnx import TensorProto, helper, numpy_helper
 
     _, policy, _ = learned
