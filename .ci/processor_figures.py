@@ -15,7 +15,7 @@ from harness.remote.firmware import PROCESSORS
 from harness.studies.processor import HEAD, Row, compute_costs
 
 TOP = Path(__file__).with_suffix(".md")
-"""Text above the table."""
+"""File with the text above the table."""
 
 
 def markdown(rows: Iterable[Row], page: str = "") -> str:

@@ -86,7 +86,7 @@ typedef struct {
     double part;
 } Place; /* node on the left, and fraction of the way to the next node */
 
-/* place on the old grid of a value of node k of the new grid; `at`: instant to which the value
+/* where a value of node k of the new grid lies on the old grid; `at`: instant to which the value
  * belongs, as a fraction of its node (interval): 1/2 for accelerations, 1 for states */
 static inline Place place_on(Grid old, Grid new, int k, double at)
 {

@@ -3,11 +3,11 @@
  * unloaded.
  *
  *   T = max(duration_min, 1.875 max_i |(J w_0)_i| / max(lim_i - g_i, 0.1 lim_i))
- *       lim_i = torque_share wheel_accel_max A_w,ii,   g = |w_0 x (J w_0 + A_w Omega)|
+ *       lim_i = torque_share wheel_accel_max A_w,ii,   g_i = |(w_0 x (J w_0 + A_w Omega))_i|
  *   x = (t - t_0)/T in 0..1,   s = 1 - (10 x^3 - 15 x^4 + 6 x^5),   e = w_0/|w_0|
  *   theta = |w_0| T (x - 5 x^4/2 + 3 x^5 - x^6),   q_DN = q_0 [cos(theta/2), e sin(theta/2)]
  *   omega_DN_D = s w_0,   alpha_DN_D = -30 x^2 (1 - x)^2 w_0/T
- *   M_unload_S = clip(-k_unload A_w (Omega - wheel_speed_ref)) while unloading
+ *   M_unload_S = clip(-k_unload A_w (Omega - wheel_speed_ref), +-M_unload_max) while unloading
  *
  * J: inertia of the stack; A_w, Omega: inertia and speeds of the wheels; w_0, q_0: angular velocity
  * and attitude at the start t_0. The axis is fixed in N and in D, so rate and acceleration are the

@@ -237,7 +237,7 @@ def plot_command(
             raise UsageError(f"--var: {file} is a dataset; give the results file of a run")
         drawn = pictures(file, output or figures_of(file), ending, style)
     else:
-        result = read(file)  # first, so that an unreadable file is reported as such
+        result = read(file)  # before figures_of(), which would report only the file's name
         drawn = draw(result, output or figures_of(file), ending, style, names)
     for path in drawn:
         typer.echo(path)

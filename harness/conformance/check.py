@@ -85,7 +85,7 @@ def _other_kind(root: XmlElement) -> str | None:
     """Return why an FMU is not a co-simulation FMU of a supported version; None if it is."""
     version = root.get("fmiVersion", "").strip()
     if root.tag != "fmiModelDescription" or not version:
-        return f"{FILE}: not the description of an FMU, fmiVersion is missing"
+        return f"{FILE}: is no fmiModelDescription, or fmiVersion is missing"
     if version != "2.0" and not re.fullmatch(r"3\.\d+(\.\d+)?(-.+)?", version):
         return f"FMI {version} is not supported; use an FMU of FMI 2.0 or FMI 3.0"
     if root.find("CoSimulation") is not None:

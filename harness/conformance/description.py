@@ -313,7 +313,7 @@ def twice(values: Iterable[Hashable]) -> list[Any]:
 
 
 def repeated(root: XmlElement, attributes: Mapping[str, str]) -> Iterator[str]:
-    """Yield a line for every element that has the same value of an attribute as a sibling.
+    """Yield a line for every element that has the same value of an attribute as an earlier sibling.
 
     attributes: name of the attribute by the XML path of the elements; root: root element, None if
     the file is missing.

@@ -212,7 +212,7 @@ def _roles(d: Description, v: Declared) -> Iterator[str]:
         if clock.type != "Clock":
             yield f"its clock {clock.name} must have type Clock, not {clock.written}"
     if "previous" in v.own and d.numbered(int(v.own["previous"])) is None:
-        yield f"its previous value is variable {v.own['previous']}, which does not exist"
+        yield f"its previous value has the reference {v.own['previous']}, which no variable has"
 
 
 def _exchanged(d: Description, v: Declared) -> Iterator[str]:

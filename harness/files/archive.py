@@ -48,7 +48,9 @@ Python does not support.
 
 
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EMFILE, errno.EFBIG)
-"""Error numbers that show a fault of the folder to unpack into, not of the archive."""
+"""Error numbers that show that files cannot be written here (disk full, read-only or without
+permission, too many open files), not that the archive is damaged.
+"""
 
 
 def unpack(path: Path, folder: Path, content: bytes | None = None) -> None:

@@ -88,10 +88,11 @@ class Requirement:
     the comparison that determines the margin, and index of its unit in `units`; exercised: whether
     the requirement is exercised, as defined in _exercised().
 
-    A requirement with windows has a value in every row, for the windows that are relative to the
-    time of this row; the value in the first row decides (`at_start` is True). Of the attributes
-    above it has only truth and margin, both (rows, 1), and its truth is 1 where it holds, -1 where
-    it fails, NaN without evidence. It has two further attributes. undecided: number of the
+    The condition of a requirement with windows is evaluated in every row, with its windows counted
+    from the time of that row; its result in the first row is the verdict (`at_start` is True). Of
+    the attributes above such a requirement has only truth and margin, both (rows, 1); truth is 1
+    where the condition holds, -1 where it fails, NaN where a window extends beyond the run or
+    contains no row. It has two further attributes. undecided: number of the
     instruction that gives whether one of its conditions is NaN in any row; empty: by window, as
     text such as `0 to 60 s`, the number of the instruction that gives whether this window, relative
     to the time of any row, lies within the run but contains no row.

@@ -347,7 +347,7 @@ def build(source: Path, fmus: Path, output: Path) -> None:
     system = read(source, known)
     if system.without:
         left_out = ", ".join(system.without)
-        line = f"{source.name}: leaves out components ({left_out}): use `harness export` for it"
+        line = f"{source.name}: its entry `without` ({left_out}) needs `harness export`"
         raise StructureError([line])
     write_ssp(system, output)
 

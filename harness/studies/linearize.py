@@ -175,7 +175,8 @@ class _Differences:
         each state or input in `values`, by Richardson extrapolation of differences at the distances
         d and d/2.
 
-        relative: d, relative to the length of the vector that the moved element belongs to;
+        relative: d, relative to the length of the vector that the moved element belongs to, or to 1
+        if the vector is shorter;
         moves_state: whether `values` are states, not inputs.
         """
         columns = np.zeros((len(self.names), len(values)))

@@ -87,12 +87,11 @@ def _escapes(canvas: Axes, result: Result) -> None:
     """
     axes = canvas.add_subplot()
     rho, drho, rate = escapes.hill_states(result)
-    shown = result[PHASE] < result.mode_names(PHASE).index("fly-around")
-    shown &= range_(result) < FAR_OFF
+    shown = _closing(result)
     axes.plot(*rho[shown][:, [1, 0]].T, "k", lw=1.2)
     tau = np.arange(0, float(result.parameter("monitor.escape_time")) + 1, 20)
     rng, rows = np.random.default_rng(0), np.flatnonzero(shown)
-    places = np.linspace(0, len(rows) - 1, FANS if len(rows) else 0).astype(int)
+    places = np.linspace(0, len(rows) - 1, FANS).astype(int)
     for k in rows[places]:
         e = escapes.escape(result, rho[k], drho[k], float(rate[k]))
         path, h = escapes.support(result, e, tau)
@@ -106,6 +105,13 @@ def _escapes(canvas: Axes, result: Result) -> None:
     axes.add_patch(_circle(axes, (0, 0), zone, color="C3", alpha=0.25, lw=0))
     axes.set(xlabel="along the track [m]", ylabel="radial [m]", aspect="equal")
     axes.set(xlim=(-FAR_OFF, FAR_OFF / 3), ylim=(-FAR_OFF / 2, FAR_OFF / 3))
+
+
+def _closing(result: Result) -> Array:
+    """Return for each row whether it is before the fly-around and within FAR_OFF of the target."""
+    return np.asarray(
+        (result[PHASE] < result.mode_names(PHASE).index("fly-around")) & (range_(result) < FAR_OFF)
+    )
 
 
 def _circle(axes: Axes, centre: Array | tuple[float, float], radius: float, **style: object) -> Any:
@@ -132,6 +138,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         _escapes,
         (11, 8),
         escapes.PARAMETERS,
+        lambda result: bool(_closing(result).any()),
     ),
     Figure(
         "contact",

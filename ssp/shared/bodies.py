@@ -30,7 +30,7 @@ HULL = 0.6
 moments of inertia of the body; the solar panels at the hull represent the rest of the inertia.
 """
 EDGE = 1.0
-"""Edge of the cube that represents a body whose mass or inertia the result lacks [m]."""
+"""Edge of the cube that represents a body without known mass and inertia, or of no size [m]."""
 WING = 1.6
 """Ratio of the length of a solar panel to the longest edge of the hull to which it belongs."""
 THIN = 0.03

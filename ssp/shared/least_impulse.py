@@ -159,7 +159,7 @@ def verified(system: System, offered: Bound, problem: Problem, optimum: Optimum)
         places = np.searchsorted(problem.time, np.arange(simulation.steps) * h + h / 2) - 1
         before = q.copy()
         for k, i in enumerate(places):
-            middle = (1.5 * q - 0.5 * before) * inverse  # attitude in the middle of the step
+            middle = (1.5 * q - 0.5 * before) * inverse  # inverse attitude in mid-step
             force[:] = turned(middle / np.linalg.norm(middle), push[i])
             before = q.copy()
             impulse += np.abs(force) * h

@@ -102,7 +102,7 @@ def _dated(result: Result, rows: Rows) -> tuple[Array, Array | None]:
 
 
 def _fixed(result: Result) -> Array | None:
-    """Return the unit vector to the Sun from a parameter of the run, None without such a one."""
+    """Return the unit vector to the Sun from a parameter of the run; None if it has none."""
     table = result.parameters
     for name in table.vectors if table else ():
         if name.rpartition(".")[2] == BODIES.sun:

@@ -149,7 +149,7 @@ def node_rates(case: Case, library: Library) -> list[Quantities]:
 
 def relative_start(case: Case, library: Library) -> list[Quantities]:
     """Return the outputs of flight software for the states of target and servicer at t = 0. The
-    case states each of them directly, or by parameters for its FMU.
+    case gives each body's state directly, or as parameters of the body's FMU.
     """
     inputs: dict[str, Any] = {}
     for letter, name in (("T", "target"), ("S", "servicer")):

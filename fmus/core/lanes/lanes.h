@@ -418,7 +418,7 @@ inline SineCosine sine_and_cosine(Vector x)
 inline Vector sine(Vector x) { return sine_and_cosine(x).s; }
 inline Vector cosine(Vector x) { return sine_and_cosine(x).c; }
 
-/* a struct literal with designators: assign() sets the members that the literal names */
+/* replaces a designated initializer of C: assign() sets the members that the initializer names */
 template <class F> struct Made {
     F assign;
     template <class T> operator T() const

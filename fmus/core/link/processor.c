@@ -218,7 +218,7 @@ static bool open_pipes(Stream *s, const Paths *p, double until)
     }
     if (s->out >= 0) return true;
     last_log_line(s, log_line, sizeof log_line);
-    return fail_start(s, *log_line ? log_line : "the emulator does not open its pipes");
+    return fail_start(s, *log_line ? log_line : "the emulator does not answer");
 }
 
 bool start_processor(Stream *s, const Config *c)

@@ -116,8 +116,8 @@ static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
 }
 
 /* integral of r x A r dm over a body with inertia I. For A of acceleration_gradient() the integral
- * is I alpha' + w x I w - 3 g a x (I a), with g and a of TidalField. The matrix of the second
- * moments of the mass is trace(I)/2 1 - I. */
+ * is I alpha' + w x I w - 3 g a x (I a), with g and a of TidalField. The second moments of the
+ * mass, the integral of r r^T dm, are (trace(I)/2) 1 - I with the identity 1. */
 static inline vec3 moment_of(mat3 A, sym3 I)
 {
     double half = (I.xx + I.yy + I.zz) / 2;

@@ -166,7 +166,7 @@ def _table(about: Mapping[str, Any], name: str) -> dict[str, Any]:
     entry is not a table.
     """
     if not isinstance(found := about.get(name, {}), dict):
-        raise ValueError(f"{name}: expected a table, got {found!r:.40}")
+        raise ValueError(f"{name}: expected a TOML table, got {found!r:.40}")
     return found
 
 

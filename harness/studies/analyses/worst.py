@@ -138,10 +138,11 @@ def _ranked(y: Array) -> list[float]:
 
 def worst(definition: Any, output: str | Path, **how: Any) -> Study:
     """Search for the run with the smallest margin, for each requirement. The worst runs and the
-    nominal run are repeated with the macro step of the system, and their results with all rows are
-    stored as OUT_worst/REQUIREMENT.nc and OUT_worst/nominal.nc.
+    nominal run are repeated with the macro step of the system, not the one of the campaign, and
+    their results with all rows are stored as OUT_worst/REQUIREMENT.nc and OUT_worst/nominal.nc.
 
-    definition: path of a campaign TOML with a table [worst], or the table itself; output: OUT.zarr;
+    definition: campaign with a table [worst], as the path of its TOML or as a dict with the content
+    of the TOML; output: OUT.zarr;
     how: workers, lanes, resume, progress and notify as for campaign(). Raises UsageError,
     StructureError.
     """

@@ -423,8 +423,8 @@ def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterat
 
 
 def failures(store: Store) -> dict[int, str]:
-    """Return the reason why a run failed or did not succeed, by number of the run, for all such
-    runs.
+    """Return the reason, by number of the run, for all runs that failed or missed the success
+    criterion of the campaign.
     """
     found, messages = success(store), store.array("message")
     runs = found.missed if found else np.flatnonzero(store.array("status") == FAILED).tolist()

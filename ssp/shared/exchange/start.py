@@ -66,8 +66,8 @@ def start_values(
     turned = _turned(parameters, states, names) if frame == "H" else {}
     if turned:
         axes.append(
-            "start attitudes turned to be the same in the new Hill frame of the target: "
-            f"{', '.join(turned)} (--start {ATTITUDE}=N: not turned)"
+            "start attitudes turned with the target's Hill frame, so unchanged relative to it: "
+            f"{', '.join(turned)} (--start {ATTITUDE}=N: unchanged relative to N)"
         )
     sun, known = _sun(parameters, names.sun, instant)
     return Start(values | turned | sun, (start_note(instant), *axes, *known), written(instant))

@@ -132,12 +132,12 @@ def test_variables_of_another_kind(result, tmp_path, capsys, case, only):
 
 
 SIDECARS = {
-    "columns": ({"columns": 5}, "columns: expected a table, got 5"),
-    "units": ({"columns": {"units": [1]}}, "units: expected a table, got [1]"),
+    "columns": ({"columns": 5}, "columns: expected a TOML table, got 5"),
+    "units": ({"columns": {"units": [1]}}, "units: expected a TOML table, got [1]"),
     "unit": ({"columns": {"units": {"guidance.range": 5}}}, "unit of variable guidance.range: exp"),
     "parameters": ({"parameters": {"values": {"a.k": "x"}}}, "parameter a.k: expected a number"),
-    "no table": ({"parameters": 7}, "parameters: expected a table, got 7"),
-    "provenance": ({"provenance": "x"}, "provenance: expected a table, got 'x'"),
+    "no table": ({"parameters": 7}, "parameters: expected a TOML table, got 7"),
+    "provenance": ({"provenance": "x"}, "provenance: expected a TOML table, got 'x'"),
     "step": ({"provenance": {"step": "x"}}, "step: must be a finite number"),
     "swaps": ({"provenance": {"swaps": [["a"]]}}, "swaps: must be `array` of length 3"),
 }
