@@ -107,7 +107,7 @@ ERRORS = {
 }  # fmt: skip
 WARNINGS = {
     "clock is none": (M, 'clocks="9"', 'clocks="7"', "must have type Clock"),
-    "unknown previous": (M, 'clocks="9"', 'clocks="9" previous="77"', "previous value is variable"),
+    "unknown previous": (M, 'clocks="9"', 'clocks="9" previous="77"', "value has the reference 77"),
     "clock as unknown": (M, '<InitialUnknown valueReference="8"/>',
                          '<InitialUnknown valueReference="8"/><InitialUnknown valueReference="9"/>',
                          "tick is a clock"),
