@@ -259,7 +259,7 @@ class LeastImpulse(Protocol):
         """
 
     def lines(self) -> Iterator[str]:
-        """Yield the lines of the report."""
+        """Yield the lines that `harness bound` prints."""
 
     def store(self) -> Path:
         """Store the answer for later reports and comparisons, and return the path of the file."""

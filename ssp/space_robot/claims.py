@@ -77,7 +77,7 @@ CRITICAL = Claim(
 )
 CLOSED = Claim(
     name="closed curve",
-    text="on a circular orbit the phase curve is the level line of (6)",
+    text="on a circular orbit the phase curve is a level line of the first integral (6)",
     where="section 3.1, (6), figure 2",
     needs=MOTION,
     compute=metrics.level_change,

@@ -275,7 +275,8 @@ template <class A, class B> constexpr auto common(int)
     else return std::type_identity<std::common_type_t<A, B>>();
 }
 
-/* c ? a() : b() with blended results; a function whose value no active lane needs is not called */
+/* c ? a() : b(): blended per lane if T can be blended, otherwise one branch for all active lanes; a
+ * function whose value no active lane needs is not called */
 template <class T, class A, class B> INLINE T chosen(Mask c, A a, B b)
 {
     if constexpr (is_blended<T>()) {
