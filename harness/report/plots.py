@@ -173,8 +173,8 @@ def _look(line: Any, points: int) -> Plot:
 
 
 def _areas(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
-    """Yield the images, filled areas and bars of axes as curves; unit: factor from the unit of x in
-    the figure to the unit of x in the page.
+    """Yield the images, coloured meshes, filled areas and bars of axes as plots of the page;
+    unit: factor from the unit of x in the figure to its unit in the page, not applied to meshes.
     """
     yield from (_image(canvas, image, unit) for image in axes.images)
     for area in axes.collections:

@@ -26,8 +26,8 @@ target beside the drogue, which the model of the mechanism does not notice.
 
 
 ENDS = {"stack": "captured", "aborted": "aborted", "retreat": "retreated"}
-"""Outcome of a mission by the name of a phase. The outcome is the first entry whose phase the
-mission has reached.
+"""Outcome of a mission without collision, by the name of a phase: the first entry whose phase the
+mission has reached; without such a phase the mission is under way.
 """
 
 

@@ -66,7 +66,7 @@ def stored() -> dict[str, list[Leg]]:
 
 def read(path: Path) -> dict[str, list[Leg]]:
     """Return the optima in a file by the hash of their case, see case(); {} if the file is missing;
-    raise ResultsError.
+    raise ResultsError if it cannot be read.
     """
     if not path.is_file():
         return {}
@@ -85,7 +85,7 @@ def write(path: Path, cases: Cases) -> None:
 
 def store(result: Result, optima: Sequence[Optimum]) -> Path:
     """Add the optima of a run to the file OWN of the user, and return the path of this file; raise
-    ResultsError.
+    ResultsError if the file is damaged or cannot be written.
     """
     write(OWN, {**read(OWN), case(result): list(map(leg, optima))})
     return OWN

@@ -109,7 +109,7 @@ class PhaseAnswer:
 
     def store(self) -> Path:
         """Store the optima for later reports and comparisons, and return the path of the file;
-        raise ResultsError.
+        raise ResultsError if the file is damaged or cannot be written.
         """
         return optima.store(self.run, [phase.optimum for phase in self.phases.values()])
 
