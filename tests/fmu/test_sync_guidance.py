@@ -102,15 +102,23 @@ def tumbling(rng, p):
     return EARTH | ELEMENTS | {"use_J2": 0, "J_T": p["J_T"], "max_step": H} | motion
 
 
+NEAR_NORMAL = 0.2
+"""Angle between grasp axis and orbit normal below which the stencil is not used [rad]."""
+
+
 def assert_published_derivatives_are_derivatives(f):
     """Scales: 20 m, 0.03 rad/s. The roll rate of D grows as 1/|u| near the orbit normal, its
-    derivatives likewise.
+    derivatives likewise: too fast for the stencil within NEAR_NORMAL. D jumps at the guard.
     """
     assert deviation(derivative(f["rho_ref_N"]), f["drho_ref_N"][2:-2]) < 1e-7
     assert deviation(derivative(f["drho_ref_N"]), f["ddrho_ref_N"][2:-2]) < 1e-8
     size = max(1e-2, np.abs(f["omega_DN_D"]).max())
-    assert deviation(rates_of(f["q_DN"]), f["omega_DN_D"][2:-2], size) < 1e-6
-    assert deviation(derivative(f["omega_DN_D"]), f["alpha_DN_D"][2:-2], size**2) < 1e-5
+    guard = f["attitude_guard"]
+    same = np.all([guard[k : len(guard) - 4 + k] == guard[2:-2] for k in range(5)], axis=0)
+    same &= f["normal_angle"][2:-2].ravel() > NEAR_NORMAL
+    assert same.mean() > 0.3
+    assert deviation(rates_of(f["q_DN"])[same], f["omega_DN_D"][2:-2][same], size) < 1e-6
+    assert deviation(derivative(f["omega_DN_D"])[same], f["alpha_DN_D"][2:-2][same], size**2) < 1e-5
 
 
 # ---- derivatives ----
