@@ -67,7 +67,7 @@ static inline vec3 relative_increment(const SafetyParameters *p, const RelativeS
 
 /* ---- rule escape ---- */
 #define PARTS       2      /* parts of escape_time: its first sixth in 30 steps, the rest in 50 */
-#define LEAST_RANGE 1e-150 /* m: added to a range, possibly 0, that divides */
+#define LEAST_RANGE 1e-150 /* m: added to a range before a division by it */
 #define CURVED      1.25   /* largest ratio of the speed on an arc to that along its chord */
 
 static const int steps_of[PARTS] = {30, 50};

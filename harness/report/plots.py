@@ -110,8 +110,8 @@ def _scales(axes: Any, timed: bool) -> Plot:
 
 
 def _levels(axes: Any) -> list[Plot]:
-    """Return the pair [height, text] of each horizontal line that spans the axes from left to
-    right.
+    """Return a dictionary for each horizontal line that spans the axes from left to right: `y`, its
+    height, and `text`, its label.
     """
     other = [line for line in axes.get_lines() if line.get_transform() != axes.transData]
     flat = [line for line in other if np.ptp(np.asarray(line.get_ydata(), dtype=float)) == 0]
