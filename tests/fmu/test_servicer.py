@@ -323,11 +323,14 @@ def vehicle(p, u):
 
 @pytest.mark.parametrize("options", [(0, 0, 1), (1, 1, 0), (1, 0, 1)])
 def test_all_loads_together_follow_the_momentum_balance(fmu, rng, options):
-    """Orbit: rounding of 7e6 m and 7e3 m/s. Attitude: RK4 at 0.025 s, (w h)^4 t = 1e-13 rad."""
+    """Orbit: rounding of 7e6 m and 7e3 m/s. Attitude: RK4 with steps of h = 0.01 s. The fastest
+    motion is the nutation of body and wheels, n = |J^-1 (tilde(h_S) - tilde(w) J)|: with the
+    0.35 rad/s of the lightest bodies (n h)^4 n t / 120 = 2e-11 rad, and 1e-12 rad/s at 0.05 rad/s.
+    """
     p = everything(rng) | dict(
         zip(("use_J2", "use_gravity_gradient", "a_dist_axes"), options, strict=True)
     )
-    p["max_step"] = 0.025
+    p["max_step"] = 0.01
     u = commands(rng)
     unit, v = fmu("servicer", p, u), vehicle(p, u)
     start = {"wheel_speed": p["wheel_speed_0"], "mass": p["mass_0"]}
@@ -337,7 +340,7 @@ def test_all_loads_together_follow_the_momentum_balance(fmu, rng, options):
     y = v.propagate(y, 0, 40)
     assert deviation(unit.get("r_SN_N"), y[:3]) < 1e-6
     assert deviation(unit.get("v_SN_N"), y[3:6]) < 1e-9
-    assert angle_between_attitudes(attitude(unit), y[6:15].reshape(3, 3).T) < 1e-10
+    assert angle_between_attitudes(attitude(unit), y[6:15].reshape(3, 3).T) < 2e-11
     assert deviation(unit.get("omega_SN_S"), v.rate(y)) < 1e-12
     assert deviation(unit.get("wheel_speed"), y[18:21]) < 1e-12
     assert deviation(unit.get("mass"), y[21]) < 1e-10

@@ -176,7 +176,7 @@ def test_expansion_approaches_the_state_dependent_riccati_equation_with_the_thir
 @pytest.mark.verifies("C.5-8")
 def test_corrections_are_released_with_time(fmu, rng):
     """eps = 1 - k exp(-l t): for k = 1 the regulator at first, the full expansion in the end;
-    attitude from t_att.
+    attitude from t_att. The two differ by a thousand times what equal values may differ by.
     """
     scene = replace(random_scene(rng), r_TN_N=np.zeros(3), v_TN_N=np.zeros(3)).inputs()
     late = {"k_1": 1, "k_2": 1, "k_att": 1, "l_1": 1, "l_2": 1, "l_att": 1}
@@ -192,8 +192,8 @@ def test_corrections_are_released_with_time(fmu, rng):
     assert deviation(second["M_cmd_S"], linear["M_cmd_S"]) < 1e-9
     third = sample(unit, scene, 40.0)
     assert deviation(third["M_cmd_S"], full["M_cmd_S"]) < 1e-9
-    for name in ("M_cmd_S", "a_cmd_L"):  # far above the deviations that are permitted above
-        assert deviation(full[name], linear[name]) > 1e-6
+    assert deviation(full["M_cmd_S"], linear["M_cmd_S"]) > 1e-6
+    assert deviation(full["a_cmd_L"], linear["a_cmd_L"]) > 1e-6
 
 
 @pytest.mark.verifies("C.5-9")
