@@ -7,12 +7,12 @@
  *   D' = R',   D <- D + min(1, (t_m - t_p)/range_tau) drift,    |drift| limited to most
  *   most = range_at_zero + range_slope range_meas
  *
- * t_m, t_p: times of this and of the previous measurement. The first range sets D; single outliers hardly change it. An error
- * b of the velocity along the line of sight shows in off or in drift: if the estimated position is
- * integrated from the velocity, off grows with b t; if it is not, drift tends to b range_tau.
- * The estimate is distrusted when |off| or |drift| (before it is limited) has been above the limit
- * `most` at every measurement for the time range_patience, and trusted again when one measurement
- * agrees. Without a new measurement nothing changes. docs/models.md G.8 */
+ * t_m, t_p: times of this and of the previous measurement. The first range sets D; single outliers
+ * hardly change it. An error b of the velocity along the line of sight shows in off or in drift: if
+ * the estimated position is integrated from the velocity, off grows with b t; if it is not, drift
+ * tends to b range_tau. The estimate is distrusted when |off| or |drift| (before it is limited) has
+ * been above the limit `most` at every measurement for the time range_patience, and trusted again
+ * when one measurement agrees. Without a new measurement nothing changes. docs/models.md G.8 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_RANGE_H
 #define SAFETY_RANGE_H

@@ -3,9 +3,9 @@
  *   c = command limited per axis;   tau dF/dt = c - F   (tau = 0: F = c)
  *   impulse = integral |F| dt per axis,   mdot = (|F_x| + |F_y| + |F_z|) / (Isp g_0)
  *
- * The solution is exact for a command that is constant over the step. A plant assumes that the wrench
- * published at the end of a step is constant during the next step; the resulting error is of first
- * order in step/tau. Equations: docs/models.md A.6. */
+ * The solution is exact for a command that is constant over the step. A plant assumes that the
+ * wrench published at the end of a step is constant during the next step; the resulting error is of
+ * first order in step/tau. Equations: docs/models.md A.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 #include "time_grid.h"

@@ -237,8 +237,7 @@ def plot_command(
             raise UsageError(f"--var: {file} is a dataset; give the results file of a run")
         drawn = pictures(file, output or figures_of(file), ending, style)
     else:
-        result = read(file)  # before figures_of(), which would report only the file's name
-        drawn = draw(result, output or figures_of(file), ending, style, names)
+        drawn = draw(read(file), output or figures_of(file), ending, style, names)
     for path in drawn:
         typer.echo(path)
 

@@ -108,7 +108,7 @@ def overlay(
     """
     found, alone = compared(results) if results else ([], [])
     if alone:
-        _log.warning("not drawn, variables in only one run (in brackets): %s", ", ".join(alone))
+        _log.warning("figures of only one run (in brackets) are not drawn: %s", ", ".join(alone))
     colours = _colours(list(results))
     drawn = {f.name: partial(paint_overlay, f, runs, colours, style) for f, runs in found}
     return _write(directory, ending, style, drawn)

@@ -92,10 +92,10 @@ class Requirement:
     from the time of that row; its result in the first row is the verdict (`at_start` is True). Of
     the attributes above such a requirement has only truth and margin, both (rows, 1); truth is 1
     where the condition holds, -1 where it fails, NaN where a window extends beyond the run or
-    contains no row. It has two further attributes. undecided: number of the
-    instruction that gives whether one of its conditions is NaN in any row; empty: by window, as
-    text such as `0 to 60 s`, the number of the instruction that gives whether this window, relative
-    to the time of any row, lies within the run but contains no row.
+    contains no row. It has two further attributes. undecided: number of the instruction that gives
+    whether one of its conditions is NaN in any row; empty: by window, as text such as `0 to 60 s`,
+    the number of the instruction that gives whether this window, relative to the time of any row,
+    lies within the run but contains no row.
     """
 
     def __init__(self, tree: Node, unit: Callable[[str], str], program: Program) -> None:

@@ -142,9 +142,8 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
     their results with all rows are stored as OUT_worst/REQUIREMENT.nc and OUT_worst/nominal.nc.
 
     definition: campaign with a table [worst], as the path of its TOML or as a dict with the content
-    of the TOML; output: OUT.zarr;
-    how: workers, lanes, resume, progress and notify as for campaign(). Raises UsageError,
-    StructureError.
+    of the TOML; output: OUT.zarr; how: workers, lanes, resume, progress and notify as for
+    campaign(). Raises UsageError, StructureError.
     """
     installed("cma", "verify")
     entry, evaluator = prepared(Worst, definition, how)

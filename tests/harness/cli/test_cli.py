@@ -198,6 +198,7 @@ def test_wrong_use_exits_with_status_2_and_one_line(command, arguments, line):
         (["simulate"], "simulate"),
         (["worst", "nothing"], "nothing: there is no such file or campaign; `harness study` lists"),
         (["campaign", "nothing"], "nothing: there is no such file or campaign"),
+        (["worst", "n" * 300], "nnn: there is no such file or campaign"),
     ],
 )
 def test_a_wrong_command_line_exits_with_status_2_and_one_line(command, arguments, mentioned):
@@ -206,6 +207,12 @@ def test_a_wrong_command_line_exits_with_status_2_and_one_line(command, argument
     assert len(err) == 1
     assert err[0].startswith("harness: ")
     assert mentioned in err[0]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="devices of POSIX")
+def test_a_campaign_is_read_from_a_device_or_pipe_without_ending(command):
+    """As from `harness campaign <(...)`."""
+    assert command("campaign", "/dev/null") == (1, [], ["harness: null: system: is missing"])
 
 
 @pytest.mark.parametrize(
