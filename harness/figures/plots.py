@@ -67,7 +67,7 @@ def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Draw
         raise ResultsError("all variables are constant: there is no figure to draw")
     empty = [name for name, figure in figures.items() if figure.is_empty(result)]
     if empty:
-        _log.warning("figures not drawn, because nothing changes in them: %s", ", ".join(empty))
+        _log.warning("figures not drawn, since they are empty or constant: %s", ", ".join(empty))
     return {name: figure for name, figure in figures.items() if name not in empty}
 
 

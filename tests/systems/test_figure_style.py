@@ -228,7 +228,7 @@ def test_panels_of_zeros_are_left_out_and_named_in_the_title():
 def test_a_figure_in_which_nothing_changes_is_left_out_with_a_note(tmp_path, caplog, sketches):
     paths = plot(recording("space_robot", 3000.0), tmp_path)
     assert "poincare" not in {path.stem for path in paths}
-    assert "figures not drawn, because nothing changes in them: poincare" in caplog.text
+    assert "figures not drawn, since they are empty or constant: poincare" in caplog.text
 
 
 def test_torque_on_a_frozen_attitude_is_shaded():
