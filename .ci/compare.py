@@ -67,6 +67,8 @@ def verdicts(expected: Path, given: Path) -> dict[str, str]:
             for row in csv.DictReader(file)
             if row["trace"] == expected.stem
         }
+    if unlimited := sorted(set(trace) - set(limits)):
+        raise ValueError(f"tolerances.csv: has no row for {expected.stem}, {unlimited[0]}")
     found = {}
     for name, values in trace.items():
         theirs = column_of(name, columns)

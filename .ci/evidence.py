@@ -53,8 +53,8 @@ its runs. [Evidence](evidence.md) states what they mean and what is missing.
 * Eva: alarms of {frama_c} for all parameters and inputs that a component's table of
   variables allows
   ([run-time errors](flight_code.md#run-time-errors)), functions and statements that it analysed.
-* Sources: first digits of the SHA-256 of the C file and of all headers that it includes, without
-  comments, descriptions and messages.
+* Sources: first digits of the SHA-256 of the C file and of the headers that it includes, except the
+  headers of the FMI adapter, and without comments, descriptions and messages.
 
 """
 COLUMNS = (
@@ -134,8 +134,8 @@ def includes(source: Path) -> tuple[str, ...]:
 
 
 def hash_of(source: Path) -> str:
-    """Return the first digits of the hash of a C file and the headers that it includes, without
-    comments, descriptions and messages.
+    """Return the first digits of the hash of a C file and the headers of includes(), without
+    comments, descriptions and messages. The headers of the adapter are not hashed.
     """
     about = sha256()
     for name in includes(source):

@@ -11,8 +11,8 @@ alarm.
 
 Eva follows the values of the parameters in SPLIT one by one, of all others at once. Options differ
 by component only in the number of states that Eva follows separately (MORE): a smaller number can
-add alarms, but never hides one. The working memory of a component has a value (0) before
-`initialize`, because the caller sets it.
+add alarms, but never hides one. Eva starts from a working memory of zeros, as the adapter allocates
+it: a read of working memory that `initialize` has not written raises no alarm.
 
 Stubs: `sqrt`, `fabs` and `copysign` come from Frama-C; the stub of `reject`, which writes the
 texts of rejected parameters before the first step, only records that a parameter is rejected.

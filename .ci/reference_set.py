@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Write reference-ssps.zip for makers of tools: every system as SSP 1.0, as SSP 2.0, and as SSP 2.0
-with FMUs of FMI 3.0; the trace that a tool must give; tolerances with their reasons; and the script
-that compares.
+with FMUs of FMI 3.0; the trace that a tool must give for each; tolerances with their reasons; the
+script that compares the rows of a tool with a trace; and the specimens, small FMUs of FMI 3.0.
 
 python .ci/reference_set.py dist        # make release
 """

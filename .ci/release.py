@@ -120,8 +120,9 @@ PLATFORMS = 4
 
 
 def problems(folder: Path) -> Iterator[str]:
-    """Yield a message for every file that a release lacks, and for every version, tag, FMU, wheel
-    or checksum that does not match this tree.
+    """Yield a message for every fault of a release: a missing file; changes that are not committed;
+    a version or tag that does not match this tree; an FMU without binaries for all platforms; a
+    wheel without the documentation; checksums that do not match the files.
     """
     yield from _versions()
     yield from _repository()

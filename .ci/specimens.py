@@ -47,13 +47,15 @@ def event() -> Rows:
 
 
 def clock() -> Rows:
-    """Return the trace of `clock`: rows of time, ramp, held, ticks (of the clock `sample`) and sum,
-    with the values after the events at this time.
+    """Return the trace of `clock`: rows of time, ramp, held (ramp at the last tick of the clock
+    `sample`), ticks (number of ticks of `sample`) and sum (of the last three values of held, formed
+    at each tick of the clock `third`, every third tick of `sample`). Values are those after the
+    events at this time.
     """
     every, rows = Fraction(1, 2), []
     for k in range(17):
         t, ticks = k * STEP, k // 2 + 1
-        third = ticks // 3 * 3 - 1  # index, from 0, of the last tick of `sample` and `third`
+        third = ticks // 3 * 3 - 1  # index, from 0, of the tick of `sample` at the last of `third`
         total = sum(every * n for n in (third - 2, third - 1, third)) if third > 0 else 0
         rows.append((t, t, every * (ticks - 1), ticks, Fraction(total)))
     return rows

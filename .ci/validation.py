@@ -18,8 +18,9 @@ from harness.mission.claim import Row
 HEAD = """# Validation
 
 Published reference values, and the differences of the FMUs from them. `make validation` writes this
-page from its run. A difference is the largest over the rows of a case: the Euclidean norm of a
-vector, or the angle of the attitude matrix `C`. Repeat a case with `harness validate CASE`.
+page from its run. A difference is the largest over the rows of a case: the Euclidean norm of the
+difference of two vectors, or the rotation angle between two attitude matrices `C`. Repeat a case
+with `harness validate CASE`.
 
 `ssp/validation/cases/` holds the data, the reasons for the tolerances, and wrong models that must
 exceed them. `tests/external/` runs all cases in `make test`. The documentation site (`make site`)

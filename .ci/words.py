@@ -130,7 +130,10 @@ def problems() -> Iterator[str]:
         if not (ROOT / name).is_file():
             continue  # deleted, not yet committed
         text = (ROOT / name).read_text(encoding="utf-8")
-        yield from (f"{name}:{line}: {word}: {instead}" for line, word, instead in findings(text))
+        yield from (
+            f"{name}:{line}: {word}: write instead: {instead}"
+            for line, word, instead in findings(text)
+        )
         if name.endswith(".py") and name.startswith(DOCUMENTED):
             yield from in_python(name, ast.parse(text))
 

@@ -20,8 +20,8 @@ SYSTEM: Keys = {
         "description": ("text", "One line for `harness list`"),
         "experiment": ("table", "Time span, macro step and order of execution"),
         "components": ("table", "FMU of every component, by name or by path from this file; with "
-                       "Gauss-Seidel, components run in this order; in a file that extends, "
-                       "`controller = false` adds a component to `without`"),
+                       "Gauss-Seidel, components run in this order; in a file with `extends`, "
+                       "`controller = false` adds the component `controller` to `without`"),
         "without": ("list", "Components that another tool runs: their outputs are inputs of the "
                     "system and start with their initial values in the whole system"),
         "schedule": ("table", "`[schedule.COMPONENT]`: rate and delay of a component"),
@@ -90,7 +90,8 @@ CAMPAIGN: Keys = {
                   "shown with `confidence`"),
         "requirements": ("table", "Further requirements, by name"),
         "sensitivity": ("table", "Study `harness sensitivity`"),
-        "coordinates": ("whole number", "Written by a study: coordinates per run"),
+        "coordinates": ("whole number", "Written by a study: number of standard "
+                        "normal coordinates per run"),
         "fixed": ("table", "Changes that apply to all runs"),
         "factors": ("table", "Varied values, by parameter or change"),
         "metrics": ("table", "Expressions, metrics of `harness compare` or functions, by name"),

@@ -37,9 +37,9 @@ MOST_BYTES = 32e6
 
 
 def facts(folder: Path) -> dict[str, Any]:
-    """Run every mission in its default case and in the cases that its papers describe. Return, by
-    mission, a list with a record per run: verdicts of claims and requirements; in the first record
-    also figures, live page and lesson.
+    """Run the default case of every mission and the first case of each of its papers, at most
+    MOST_CASES runs. Return, by mission, a list with a record per run: command, verdicts of claims
+    and requirements; in the first record also figures, live page and lesson.
     """
     found = {name: [_run(case, folder / "figures" if not i else None, name)
                     for i, case in enumerate(_cases(name))]
@@ -109,7 +109,9 @@ ORDER = ("sync_approach", "ppc_tracking", "space_robot", "transposition", "relay
 
 
 def _cases(name: str) -> list[Any]:
-    """Return the default run of a mission and the cases of its papers, without repetitions."""
+    """Return the default case of a mission and the first case of each of its papers, without
+    repetitions, at most MOST_CASES.
+    """
     from harness.mission import Case
 
     cases = [Case(name), *_papers(name)]
@@ -195,7 +197,7 @@ def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[
 INDEX = """# Missions
 
 A mission is a folder of `ssp/`: its systems and parameter sets, figures, metrics, claims and
-campaigns. `harness list` prints all of them.
+campaigns. `harness list` prints the systems and their parameter sets.
 
 """
 
@@ -296,7 +298,7 @@ def _system(system: System) -> Iterator[str]:
 
 def _rate(component: Any) -> str:
     every = "every macro step" if component.every == 1 else f"every {component.every} macro steps"
-    late = f", {component.latency} late" if component.latency else ""
+    late = f", latency {component.latency} macro step(s)" if component.latency else ""
     return every + late
 
 

@@ -76,9 +76,9 @@ def index(found: Sequence[tuple[str, str, str]]) -> str:
 
 INDEX = """# FMUs
 
-Every FMU is an FMI 2.0 co-simulation FMU and needs no other file. The chapters of its page before
-"Where it runs" are also in the .fmu, in `documentation/index.html`. Units are SI units and radians;
-frames: [Notation](../../notation.md).
+Every FMU is a co-simulation FMU, built for FMI 2.0 and for FMI 3.0, and needs no other file. The
+chapters of its page before "Where it runs" are also in the .fmu, in `documentation/index.html`.
+Units are SI units and radians; frames: [Notation](../../notation.md).
 """
 
 

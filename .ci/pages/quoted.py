@@ -161,7 +161,7 @@ def note() -> str:
     steps = int(recorded[0]) - 1
     return (
         f"\n\n    harness: note: controller: on {NOTED[1]}: {steps} steps, {r['instructions']} "
-        f"instructions each, at most {r['at most']} at\n    t = {r['at t [s]']} s, "
+        f"instructions on average, at most {r['at most']} at\n    t = {r['at t [s]']} s, "
         f"{r['stack']} bytes of stack\n\n"
     )
 

@@ -77,9 +77,9 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
 def _head(family: str) -> str:
     return (
         f"# {TITLES.get(family, family)}\n\nDifference between the FMUs and published numbers."
-        " Dashed: the tolerance. A vector differs by its Euclidean norm, the attitude matrix `C`"
-        " by an angle. Each case also names wrong models; a test shows that every one of them"
-        " exceeds the tolerance.\n"
+        " Dashed: the tolerance. Differences of vectors are Euclidean norms; differences of"
+        " the attitude matrix `C` are rotation angles. Each case also names wrong models; a test"
+        " shows that every one of them exceeds the tolerance.\n"
     )
 
 

@@ -11,10 +11,11 @@
  * not know manoeuvres of the target. q_DN never changes sign from sample to sample. Where the Sun
  * or its opposite is within guard_angle of the line of sight, the last Y from outside this angle is
  * held and made normal to X. Flags: attitude_guard = 1 where Y is held; los_guard = 1 where the
- * elevation of the actual or desired line of sight is above elevation_limit, because azimuth is
- * singular at 90 deg, or where the range is below range_limit. A range of zero violates the rule
- * of the output `range`. A sample with active = 0 resets the state; its flags are 0. Source: Yin,
- * Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
+ * magnitude of the elevation of the actual or desired line of sight is above elevation_limit,
+ * because azimuth is singular at +-90 deg, or where the range is below range_limit. A range of
+ * zero violates the rule of the output `range`. A sample with active = 0 resets the state; its
+ * flags are 0. Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to
+ * C.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "directions.h"
@@ -76,7 +77,8 @@ static const Variable variables[] = {
     POSITIVE(guard_angle, "rad",
              "panel axis is held if the line of sight is within this angle of the Sun or its "
              "opposite"),
-    POSITIVE(elevation_limit, "rad", "actual or desired elevation above which los_guard = 1"),
+    POSITIVE(elevation_limit, "rad",
+             "magnitude of actual or desired elevation above which los_guard = 1"),
     NONNEGATIVE(range_limit, "m", "los_guard = 1 below this range"),
     SAMPLE_PERIOD,
 
@@ -99,7 +101,7 @@ static const Variable variables[] = {
         beta_p,
         "angle between the camera axis (+X of the servicer) and the direction to the target"),
     ALARM(attitude_guard, "1: line of sight near the Sun or its opposite, panel axis held"),
-    ALARM(los_guard, "1: elevation above elevation_limit or range below range_limit"),
+    ALARM(los_guard, "1: |elevation| above elevation_limit or range below range_limit"),
 };
 
 /* C.3-8 */

@@ -1,16 +1,17 @@
-/* relative_motion.h - model of a free target seen from the servicer: position and velocity in N
- * axes, attitude and rate of the target, ratios of its inertias, and their covariance.
+/* relative_motion.h - model of a servicer's motion relative to a free target: relative position and
+ * velocity in N axes, attitude and rate of the target, ratios of its inertias, and the covariance.
  *
  *   rho' = v,   v' = g(r_S) - g(r_S - rho) + a_thrust + a,    r_S = r_j + s v_j
  *   q' = q [0, w]/2,   B w' = -w x B w + 3 mu/r^3 e x B e,    B = J/J11, e: direction of the
  *                                                             target from the planet, T axes
  *
- * g: gravity of the planet, r_j, v_j: servicer at sample j, s: time since sample j, r: distance of
- * the target from the planet, kappa: ratios of inertia, d: p_GT_T, position of the tracked point
- * from the target's centre of mass, a: unmodelled acceleration. P is the covariance of the errors,
- * truth minus estimate, in the order rho, v, theta, w, kappa, d, a; the attitude error theta is
- * defined by q_TN = q_hat rot(theta). A quantity with neither start covariance nor noise is not
- * estimated: its rows of P stay 0. docs/models.md F.6. */
+ * rho, v: position and velocity of the servicer relative to the target, q, w: attitude and rate of
+ * the target, g: gravity of the planet, r_j, v_j: servicer at sample j, s: time since sample j, r:
+ * distance of the target from the planet, kappa: ratios of inertia, d: p_GT_T, position of the
+ * tracked point from the target's centre of mass, a: unmodelled acceleration. P is the covariance
+ * of the errors, truth minus estimate, in the order rho, v, theta, w, kappa, d, a; the attitude
+ * error theta is defined by q_TN = q_hat rot(theta). A quantity with neither start covariance nor
+ * noise is not estimated: its rows of P stay 0. docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RELATIVE_MOTION_H
 #define RELATIVE_MOTION_H

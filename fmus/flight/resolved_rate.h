@@ -133,7 +133,8 @@ static inline void solve_pass(const RateLaw *law, const Jacobian *J, const doubl
         if (!r->limited[i]) r->dq[i] += dot_twist(motion_at(J, i), load);
 }
 
-/* fixes each joint whose rate violates its bounds at the nearer bound; returns how many it fixed */
+/* fixes each joint whose rate violates its bounds: sets its rate to the nearer bound; returns the
+ * number of joints fixed in this call */
 /* K.3-5 */
 static inline int fix_joints(const RateLaw *law, const double q[], int joints, JointRates *r)
 {

@@ -135,8 +135,9 @@ static inline PathPoint first_point(const SafetyParameters *p, const EscapePath 
                        p->e_r * sum_of_sizes(e->r) / (range + LEAST_RANGE)};
 }
 
-/* lower bound of the range during the burn: least component along rho in the triangle that contains
- * the path of the burn, minus the position error */
+/* lower bound of the range during the burn, for a velocity after the burn that does not point to
+ * the target: least component along rho of the corners rho and r of the triangle that contains the
+ * path of the burn, minus the position error. The third corner, r + v T_b/2, is not evaluated. */
 static inline double least_of_burn(const SafetyParameters *p, const EscapePath *e)
 {
     double square = dot(e->rho, e->rho), along = dot(e->rho, e->r);

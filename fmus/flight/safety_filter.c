@@ -1,5 +1,5 @@
 /* safety_filter.c - the least change of a commanded force that satisfies keep-out sphere,
- * corridor, speed limit, drift, plume and force box, for any controller.
+ * corridor, speed limit, drift, plume and force limits, for any controller.
  *
  * Every rule gives rows n.u >= c for the force u, which is held for one sample period. With a force
  * that satisfies a row, the servicer does not reach the edge of the rule during the hold, and at
@@ -7,15 +7,15 @@
  *
  *   min |u - F_cmd_S|   subject to   n_i.u >= c_i for all rows i
  *
- * filter 3: the nearest force. Rank of the rules: box, keep-out, speed, corridor, plume, drift.
- * Where no force satisfies all rows, the first row that the rows of higher rank exclude is relaxed,
- * as little as these permit. Rows for the drift are added only where the force found would let the
- * servicer drift into the sphere, at most four times.
- * filter 1: F_cmd_S, cut to the box, while this force is safe: it satisfies all rows, the servicer
- * can stop after it outside the sphere and inside the corridor, and a drift after it misses the
- * sphere. Else the backup: the servicer brakes (force 0 if only the drift is unsafe), until F_cmd_S
- * has been safe for the time `dwell`. For the stop outside the sphere, only the motion along the
- * line to the target counts.
+ * filter 3: the nearest force. Rank of the rules: force limits, keep-out, speed, corridor, plume,
+ * drift. Where no force satisfies all rows, the first row that the rows of higher rank exclude is
+ * relaxed, as little as these permit. Rows for the drift are added only where the force found would
+ * let the servicer drift into the sphere, at most four times.
+ * filter 1: F_cmd_S, cut to the force limits, while this force is safe: it satisfies all rows, the
+ * servicer can stop after it outside the sphere and inside the corridor, and a drift after it
+ * misses the sphere. Else the backup: the servicer brakes (force 0 if only the drift is unsafe),
+ * until F_cmd_S has been safe for the time `dwell`. For the stop outside the sphere, only the
+ * motion along the line to the target counts.
  * filter 2: as filter 1, but the whole straight way to the stop must be outside the sphere.
  * filter 0: F_cmd_S unchanged; only the barriers are computed.
  *
@@ -84,10 +84,12 @@ static const Variable variables[] = {
     OUTPUT(F_safe_S, "N", "force to be passed on, servicer axes"),
     MODE(mode, "origin of the force",
          "F_cmd_S passes|filtered|backup|a rule relaxed|no valid state"),
-    MODE(active, "rule that determines the force", "none|keep-out|corridor|speed|drift|plume|box"),
+    MODE(active, "rule that determines the force",
+         "none|keep-out|corridor|speed|drift|plume|force limit"),
     NONNEGATIVE_OUTPUT(intervention, "N", "size of the change of the force"),
-    FLAG(feasible, "0: no force satisfies all rules"),
-    MODE(relaxed, "first rule that was relaxed", "none|keep-out|corridor|speed|drift|plume|box"),
+    FLAG(feasible, "0: no force satisfies all rules; 1 always unless filter = 3"),
+    MODE(relaxed, "first rule that was relaxed, only with filter = 3",
+         "none|keep-out|corridor|speed|drift|plume|force limit"),
     OUTPUT(barrier, "1",
            "gap left after braking: keep-out, corridor, speed [m/s], drift; range - "
            "plume_range; 1e9: off"),
@@ -248,7 +250,7 @@ static int can_stop(const Parameters *p, const Geometry *g, double slope, vec3 F
     return (!g->sphere || stops_outside(p, &h)) && (!g->corridor || stops_inside(p, g, slope, &h));
 }
 
-/* (25): force that stops the servicer within one sample period P, scaled down into the box */
+/* (25): force that stops the servicer within one sample period P, scaled down to F_max */
 static vec3 braking(const Parameters *p, const Geometry *g)
 {
     vec3 v = g->corridor ? g->v_T : g->v, a = g->corridor ? g->a_T : g->g, most = p->F_max;
@@ -264,8 +266,8 @@ static double first_broken(const Parameters *p, const Rows *rows, vec3 F)
     return NO_RULE;
 }
 
-/* true if the servicer brakes: from the first command that fails a test until all commands have
- * passed the tests for the time `dwell` */
+/* true during the backup: from the first command that fails a test until all commands have passed
+ * the tests for the time `dwell` */
 /* M.7-1 */
 static int stays_in_backup(const Parameters *p, State *x, int passes, double P)
 {

@@ -19,8 +19,9 @@
  * sample, never above the true least of the arc and below it by no more than 1e-7; a rule that is
  * off or does not apply has margin 1e9. Rule 4 is evaluated at samples that are passive_period or
  * more apart, and with passive_opens only while not approaching; if it fails, the instant of the
- * violation is found by bisection of the arc. Rule 7 is evaluated at samples until the abort. It
- * is violated as soon as its margin is below escape_reserve, while the escape is still certain.
+ * violation is found by bisection of the arc. Rule 7 is evaluated until the abort, at samples that
+ * are escape_period or more apart. It is violated as soon as its margin is below escape_reserve,
+ * while the escape is still certain.
  * The first violation of each rule is stored with its time; `abort` is latched.
  *
  * F_safe_S is F_cmd_S at every call, between samples too; after the abort, with act = 1, it is the

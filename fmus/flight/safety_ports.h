@@ -136,7 +136,7 @@ typedef struct {
               "1: corridor and speed limit apply; 0: they do not, for example after the "       \
               "approach was given up"),                                                         \
         INPUT(relative_valid, "1", "1: the states of target and servicer are valid"),           \
-        OPTIONAL_INPUT(range_meas, "m", "independent range (needs use_range = 1)"),             \
+        OPTIONAL_INPUT(range_meas, "m", "independent range, used if use_range = 1"),            \
         OPTIONAL_INPUT(range_time, "s", "time at which the range was measured; -1 = none yet"), \
         OPTIONAL_SWITCH(range_valid, "1: a range was measured at range_time")
 

@@ -12,7 +12,7 @@
  * the estimated position is integrated from the velocity, off grows with b t; if it is not, drift
  * tends to b range_tau. The estimate is distrusted when |off| or |drift| (before it is limited) has
  * been above the limit `most` at every measurement for the time range_patience, and trusted again
- * when one measurement agrees. Without a new measurement nothing changes. docs/models.md G.8 */
+ * when one measurement agrees. Without a new measurement only D changes. docs/models.md G.8 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_RANGE_H
 #define SAFETY_RANGE_H

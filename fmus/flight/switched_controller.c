@@ -86,7 +86,7 @@ static const Variable variables[] = {
     NONNEGATIVE(P_att, "N.m.s", "rate gain per body axis"),
     NONNEGATIVE(M_max, "N.m", "largest commanded torque per body axis; 0 = no limit"),
     SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
-    POSITIVE(wheel_scale, "kg.m2", "torque per wheel acceleration (needs use_wheels = 1)"),
+    POSITIVE(wheel_scale, "kg.m2", "torque per wheel acceleration, used if use_wheels = 1"),
     PARAMETER(t_att, "s", "no attitude control before this time"),
     SAMPLE_PERIOD,
 

@@ -13,8 +13,8 @@
  * i; when the axis leaves the guard, k jumps. With roll_rate_max and roll_accel_max above 0, D does
  * not jump and turns about i within these limits (limited_roll.h). The software knows the model of
  * the target (inertia, gravity gradient, Keplerian orbit rate), but its disturbances only with
- * know_M_dist = 1. Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives:
- * docs/models.md A.4. */
+ * know_M_dist = 1 and frame = 0. Source: Zhu & Yang 2009, equations (5) to (7) and (10);
+ * derivatives: docs/models.md A.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "carried_frame.h"
@@ -79,7 +79,8 @@ static const Variable variables[] = {
     POSITIVE(rho_M, "m", "final distance on the grasp axis"),
     POSITIVE(rho_0, "m", "distance at t = 0"),
     NONNEGATIVE(beta, "1/s", "rate of the exponential approach"),
-    SWITCH(know_M_dist, "1: the disturbance torque M_dist_T on the target is known"),
+    SWITCH(know_M_dist,
+           "1: the disturbance torque M_dist_T on the target is known; no effect with frame = 1"),
     SWITCH(use_gravity_gradient, "1: the software models the gravity gradient on the target"),
     POSITIVE(
         guard_angle, "rad",
@@ -103,7 +104,7 @@ static const Variable variables[] = {
     NONNEGATIVE_AS("w_steer", steering.w_steer, "rad/s", "carried frame: largest steering rate"),
     NONNEGATIVE_AS(
         "k_integral", steering.k_integral, "1/s2",
-        "carried frame: rate of change of the integral steering per angle off the grasp axis"),
+        "carried frame: integral gain of the steering rate, per angle off the grasp axis"),
     NONNEGATIVE_AS(
         "spin_accel", steering.spin_accel, "rad/s2",
         "carried frame: largest spin-up acceleration, lengthens spin_time; 0 = no limit"),

@@ -8,14 +8,16 @@
  *   T1:  T1 Ac + Ac^T T1 = -eps_1 (T0 A + A^T T0)
  *   T2:  T2 Ac + Ac^T T2 = -eps_2 (T1 A + A^T T1 - T1 S T1),
  *           eps_i = 1 - k_i exp(-l_i (t - t_0))
- *   v = -R^-1 B^T (T0 + T1 + T2) x
+ *   v = -R^-1 B^T (T0 + T1 + T2) x,     t_0: first sample in use, for attitude not before t_att
  *
- * Position: x = (x1, x2) in LOS coordinates, A0 = [0 I; 0 0], B = [0; I], A x = f(x) - f(0),
- *   u = g^-1 (v - f(0)), f(0): kinematics of the reference, differential gravity,
- *           minus the reference acceleration.
+ * Position: x = (x1, x2), A0 = [0 I; 0 0], B = [0; I], A x = f(x) - f(0), u = g^-1 (v - f(0));
+ *   x1: LOS coordinates minus their reference, x2 = dx1/dt, of which dx2/dt = f + g u;
+ *   f(0): kinematics of the reference, differential gravity, minus the reference acceleration.
  * Attitude: x = (e, w), A0 = [0 I/2; 0 0], A = [0 (T(q_SD) - I)/2; 0 0], B = [0; J_hat^-1],
+ *   e: vector part of q_SD, de/dt = T(q_SD) w/2, w: rate error;
+ *   wd, wdd: rate and angular acceleration of the reference, S axes;
  *   M = -R^-1 B^T (T0 + T1 + T2) x + omega x (J_hat omega + A_hat Omega) + J_hat (wdd - w x wd).
- * tracking.h defines Sigma, g, T(q), e, w and the reference rate wd with its derivative wdd.
+ * Definitions in full: tracking.h.
  * The costs are squares of acceleration (position) and torque (attitude): so R of range and of
  * attitude has no unit. T0 and the inverse of the Lyapunov operator are computed from the weights
  * at the start.

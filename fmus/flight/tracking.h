@@ -1,9 +1,10 @@
 /* tracking.h - shared by the controllers in line-of-sight (LOS) coordinates: ports, errors,
  * limits, command.
  *
- * Position: x1 = (range rho, elevation eps, azimuth) minus its reference, x2 = dx1/dt. The law of
- * the controller gives the control u of dx2/dt = f + g u + d. The acceleration of the servicer in
- * LOS axes L is a_L = Sigma u; with Sigma = diag(-1,-1,1) the gain g = (1, 1/rho, 1/(rho cos eps))
+ * Position: x1 = (range rho, elevation eps, azimuth) of the target from the servicer minus its
+ * reference, x2 = dx1/dt. The law of the controller gives the control u of dx2/dt = f + g u + d; f:
+ * acceleration without control, d: disturbance. The acceleration of the servicer in LOS axes L is
+ * a_L = Sigma u; with Sigma = diag(-1,-1,1) the gain g = (1, 1/rho, 1/(rho cos eps))
  * is positive in every channel.
  * Attitude: q_SD = q_DN* q_SN with scalar part >= 0, its vector part e, and the rate error w =
  * omega_SN_S - C_SD omega_DN_D.
@@ -194,8 +195,8 @@ static inline int attitude_rests(const TrackingParameters *p, double t)
     return !reached(t, p->t_att);
 }
 
-/* converts the torque M of the law to a command. Wheels produce M by the opposite change of
- * their momentum A Omega. */
+/* converts the torque M of the law to a command, within M_max; the torque is 0 before t_att. Wheels
+ * produce M by the opposite change of their momentum A_w Omega, Omega: wheel speeds. */
 static inline void command_torque(const TrackingParameters *p, double t, vec3 M, mat3 A_w,
                                   TrackingOutput *y)
 {

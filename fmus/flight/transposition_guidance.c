@@ -97,7 +97,8 @@ static const Variable variables[] = {
     ANGLE_OUTPUT(rotation_largest, "largest angle between reference attitude and flight attitude"),
     NONNEGATIVE_OUTPUT(
         peak, "N.m.s",
-        "elements: largest momentum of the gyros before each iteration, then after the last one"),
+        "elements: largest momentum of the gyros before each iteration, then after the last one (0 "
+        "if status = 3)"),
     NONNEGATIVE_OUTPUT(rotation, "rad",
                        "elements: largest rotation before each iteration, then after the last one"),
 };

@@ -35,12 +35,13 @@ typedef struct {
     Scheme scheme;
 } Task;
 
-/* ---- working memory: terms that do not depend on the attitude, and the normal equations ---- */
+/* ---- working memory: terms that do not depend on the attitude (at, C_oN, value, slope), momenta
+ * along the history (H_N, h), and the normal equations ---- */
 typedef struct {
     Configuration at[MAX_FINE + 1];
     mat3 C_oN[MAX_FINE + 1];
-    double value[MAX_FINE + 1][MAX_UNKNOWN_NODES];  /* d eps(fine point)/d eps_j */
-    double slope[MAX_NODES + 1][MAX_UNKNOWN_NODES]; /* d eps'(node)/d eps_j */
+    double value[MAX_FINE + 1][MAX_UNKNOWN_NODES];  /* [][j]: d eps(fine point)/d eps_{j+1} */
+    double slope[MAX_NODES + 1][MAX_UNKNOWN_NODES]; /* [][j]: d eps'(node)/d eps_{j+1} */
     vec3 H_N[MAX_FINE + 1], h[MAX_FINE + 1];
     mat3 sum[MAX_UNKNOWN_NODES];
     double jacobian[3][MAX_UNKNOWNS]; /* three rows of J for one node */

@@ -29,7 +29,7 @@ typedef struct {
     Status status;
     int iterations;
     /* largest |h|, and largest rotation from the flight attitude: before each iteration, then
-     * after the last one */
+     * after the last one; with ROTATION_TOO_LARGE the last |h| is not computed and stays 0 */
     double peak[MAX_ITERATIONS + 1], rotation[MAX_ITERATIONS + 1];
 } Result;
 

@@ -85,8 +85,11 @@ static const Variable variables[] = {
                        "sum of the normal forces of contact at the start of the step"),
     NONNEGATIVE_OUTPUT(contact_force_peak, "N",
                        "largest normal_force at the internal steps since the start of the run"),
-    NONNEGATIVE_OUTPUT(load_force, "N", "magnitude of the mean force of the step"),
-    NONNEGATIVE_OUTPUT(load_moment, "N.m", "magnitude of the mean couple of the step"),
+    NONNEGATIVE_OUTPUT(load_force, "N",
+                       "magnitude of the force between probe and drogue, mean of the step"),
+    NONNEGATIVE_OUTPUT(
+        load_moment, "N.m",
+        "magnitude of the moment between probe and drogue about the tip, mean of the step"),
     NONNEGATIVE_OUTPUT(energy_elastic, "J",
                        "elastic energy of contact, latch and spring at the end of the step"),
     OUTPUT(energy_dissipated, "J", "energy dissipated since the start, at the end of the step"),

@@ -90,8 +90,9 @@ static const Variable variables[] = {
     PARAMETER(flip_axis, "1", "axis of the half turn of p_flip, unit vector, target axes"),
     SUN_ROWS(sun),
     OUTAGE_ROWS(outage),
-    PARAMETER(fault_start, "s", "poses are wrong, but marked valid, from this time on"),
-    NONNEGATIVE(fault_duration, "s", "duration of the fault"),
+    PARAMETER(fault_start, "s",
+              "poses are wrong, but marked valid, from this time on, for fault_duration"),
+    NONNEGATIVE(fault_duration, "s", "duration of the fault; 0 = no fault"),
     PARAMETER(fault_drift_K, "m/s", "drift of the position during the fault, camera axes"),
     PARAMETER(fault_theta_T, "rad", "turn of the attitude during the fault, target axes"),
 

@@ -9,7 +9,8 @@
  *
  * sigma: modified Rodrigues parameters of the attitude; F_S, M_S: force and torque of the
  * actuators; J_S: inertia of the whole servicer with wheels locked; A_w: inertia matrix of the
- * wheels; Omega: wheel speeds relative to the body; the angular momentum is J_S omega + A_w Omega.
+ * wheels; Omega: wheel speeds relative to the body; the angular momentum is J_S omega + A_w Omega;
+ * M_gg, M_dist: torques of gravity gradient and disturbance; a_dist: disturbance acceleration.
  * The force is constant in body axes: thrusters turn with the body. Before the time t_att the
  * attitude is frozen: sigma has its start value, the published rate is zero, the wheels do not
  * accelerate. With the switch velocity_follows_attitude the velocity turns with the body although

@@ -85,7 +85,8 @@ static const Variable variables[] = {
                    "distance from centre of mass to outboard joint, per body; not used for link 2"),
     PARAMETER(
         euler_0, "rad",
-        "start attitude relative to the orbital frame: turned about x, then z (pitch), then y"),
+        "start attitude relative to the orbital frame: angles about x, y, z, in this order; turned "
+        "about x, then z (pitch), then y"),
     PARAMETER(deuler_0, "rad/s", "rates of the angles euler at the start, about x, y, z"),
     PARAMETER(joint_angle_0, "rad",
               "joint angles at the start: link 1 from x of the base, link 2 from link 1"),

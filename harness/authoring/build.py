@@ -71,7 +71,7 @@ def _source(path: Path) -> Path:
     if there:
         raise UsageError(f"{path}: contains {there[0].name} and {there[1].name}; name one file")
     raise UsageError(
-        f"{path}: expected a .c or .py file, a policy .npz or .onnx, or a folder with "
+        f"{path}: expected a .c or .py file that exists, a policy .npz or .onnx, or a folder with "
         f"{inside[0].name} or {inside[1].name}"
     )
 
@@ -89,7 +89,7 @@ def compiler_command(compiler: str) -> tuple[Path, list[str]]:
     if not command or shutil.which(command[0]) is None:
         raise UsageError(
             f"{' '.join(command) or '(nothing)'}: there is no such C compiler; install gcc or "
-            "clang, or name yours with --cc"
+            "clang, or name yours with --cc of `harness build`"
         )
     return core, command
 

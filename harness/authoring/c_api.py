@@ -116,7 +116,7 @@ def _values(system: System) -> Iterator[tuple[str, Mapping[str, float]]]:
 
 def _runs(simulation: Simulation, names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Run a system for up to STEPS steps of each named component, and return by name of component a
-    dict: step [s]; names of inputs and outputs; rows, each the time [s] and the values.
+    dict: step [s]; names of inputs and outputs; rows: start time of a step [s], values after it.
     """
     simulation.initialize()
     clock, found = simulation.clock, dict[str, dict[str, Any]]()

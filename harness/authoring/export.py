@@ -94,8 +94,8 @@ def _write_fmu(system: System, graph: Graph, file: Path, fmi: int, scalars: bool
 
 
 def _file(target: Path, name: str) -> Path:
-    """Return the path of the file to write: `target`, or NAME.ssp if `target` is a folder. Missing
-    folders are created. Raises UsageError for another ending.
+    """Return the path of the file to write: `target` if it ends in .ssp or .fmu, else NAME.ssp in
+    the folder `target`. Missing folders are created. Raises UsageError for .zip, .xml and similar.
     """
     is_file = target.suffix in (".ssp", ".fmu") and not target.is_dir()
     if target.suffix in (".zip", ".ssd", ".ssv", ".xml", ".toml"):

@@ -3,7 +3,7 @@
 
 A new controller is a copy of the example of the project if it replaces a controller that commands
 force and torque. A new sensor or plant is a copy of the example of its kind, with a system that
-extends another system by the new component. In all other cases a new component has all ports of the
+extends another system by the new component. Any other new component has the connected ports of the
 component that it replaces; until the user writes its law, its outputs have the start values of the
 inputs that they drive. A new mission extends a system and has its own figure, metric and claim.
 """
@@ -43,7 +43,7 @@ def _new_folder(kind: str, name: str, folder: str | Path, taken: Collection[str]
     """
     if not re.fullmatch(r"[A-Za-z]\w{0,59}", name, re.ASCII) or keyword.iskeyword(name):
         raise UsageError(
-            f"{name}: a {kind} is named by a letter, then letters, digits and _, as in my_{kind}"
+            f"{name}: a {kind} is named by a letter, then letters, digits, _; no keyword: my_{kind}"
         )
     if name in taken:
         raise UsageError(f"{name}: the name is taken by an FMU, system or mission; choose another")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Entry point of `harness`: list of commands, exit status, and printing of errors.
 
-Exit status 0: success, 1: the run or check failed, 2: wrong command line. Every error is one line
-on stderr. A command imports its modules when it runs, so that the command line starts quickly.
+Exit status 0: success, 1: the run or check failed, 2: wrong command line. Errors are on stderr, and
+each line begins with "harness:". A command imports its modules when it runs, for a quick start.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ HOMES = {name: module for module, names in MODULES.items() for name in names.spl
 """
 
 INTERRUPTED = 130
-"""Exit status after Ctrl-C, as newer versions of typer return it."""
+"""Status that newer versions of typer return after Ctrl-C; `harness` then exits with 1."""
 
 
 class _Printable(logging.Formatter):

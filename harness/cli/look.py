@@ -130,8 +130,8 @@ def check_command(
     """Report every mistake of a system or an FMU.
 
     An error prevents a run (exit status 1). A warning is a deviation from the standard. Options
-    such as --set change the system before the check. Without a name the command lists the tools
-    that this machine lacks for the flight processors of --on.
+    such as --set change the system before the check. Without a name the command lists the flight
+    processors of --on, each with `ready` or the tools that this machine lacks.
     """
     from harness.studies import check as study
 
@@ -297,9 +297,9 @@ def _page(source: Any, output: Path, live: bool = False, lesson: Path | None = N
 @command("convert")
 def convert_command(
     file: Annotated[Path, argument("FILE", "Results of `harness run`")],
-    output: Annotated[Path, output("File to write: .nc, .csv; for one body .oem, .aem, .czml")],
+    output: Annotated[Path, output("File to write: .nc, .csv; of bodies .oem, .aem, .czml")],
     body: Annotated[
-        str | None, option("COMPONENT", "Write this body (default: the first one)")
+        str | None, option("COMPONENT", "Write only this body (default: the first; .czml: all)")
     ] = None,
     epoch: Annotated[
         str | None, option("DATE", "Set the UTC of t = 0 (default: from the run, or J2000)")

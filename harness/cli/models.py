@@ -112,7 +112,7 @@ SspOption = Annotated[
 HintsOption = Annotated[
     bool,
     option(
-        "--hints", "Write steps of slow components for libcosim, ecos; OMSimulator rejects them"
+        "--hints", "Write step sizes of slow components, for libcosim, ecos, not for OMSimulator"
     ),
 ]
 
@@ -224,7 +224,7 @@ def serve_command(
     path: Annotated[
         Path | None, option("--socket PATH", "Listen on this Unix socket (default: a private one)")
     ] = None,
-    once: Annotated[bool, option("--once", "End when the first link closes")] = False,
+    once: Annotated[bool, option("--once", "End when the first connection closes")] = False,
 ) -> None:
     """Serve an FMU as a board, for `--on COMPONENT=unix:///PATH`.
 

@@ -50,7 +50,7 @@ def option(usage: str, text: str, **more: Any) -> Any:
     """Return the typer declaration of an option.
 
     usage: names and placeholder as on a command line, `--output -o FILE`; without a name the option
-    has the name of the function's parameter; text: help text; more: further settings of typer.
+    is named after the parameter that it annotates; text: help text; more: settings of typer.Option.
     """
     words = usage.split(" ")
     names = [word for word in words if word.startswith("-")]
@@ -93,7 +93,7 @@ RequireOption = Annotated[
     Texts, option("--require 'C.NAME >= 4 m'", "Require this in every row, else exit status 1")
 ]
 StrictOption = Annotated[
-    bool, option("--strict", "Exit with status 1 if any requirement or safety rule fails")
+    bool, option("--strict", "Exit with 1 unless all requirements, rules (report: claims) are met")
 ]
 PatienceOption = Annotated[
     float | None,
@@ -194,8 +194,8 @@ def _group(parameter: Parameter) -> list[Parameter]:
 
 def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter]:
     """Yield the command-line options for one parameter of a command's function: an option for each
-    name in `changes` if the parameter is `**changes`, an option for each field if its type is a
-    data class, otherwise one option.
+    name in `changes` if the parameter has the name `changes`, for each field if its type is a data
+    class, otherwise one option.
     """
     if parameter.name == "changes":
         for name in changes:

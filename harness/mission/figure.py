@@ -177,7 +177,7 @@ class Panel(Checked):
         return slice(int(np.searchsorted(result.time, start)) if shown else 0, None)
 
     def held(self, result: Result) -> Iterator[Curve]:
-        """Yield the curves for which the result contains all parameters of their expressions."""
+        """Yield the curves for which the result contains all parameters in Curve.parameters."""
         return (curve for curve in self.curves if result.holds(parameters=curve.parameters))
 
     def is_silent(self, *results: Result) -> bool:

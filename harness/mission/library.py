@@ -89,8 +89,8 @@ def _ours() -> dict[str, Place]:
 
 
 def _offered(package: str) -> Iterator[Place]:
-    """Yield the missions of a package: the package itself, or missions in its folders; nothing if
-    there is no such package.
+    """Yield the missions of a package: the package itself, or each of its folders that contains
+    mission.py; nothing if there is no such package.
     """
     try:
         spec = importlib.util.find_spec(package)
@@ -217,7 +217,7 @@ def remembered(result: Result) -> str:
 
 
 def missing(result: Result) -> str:
-    """Return one line that states that the mission of a result is not available, "" if it is."""
+    """Return a line that states that the mission of a result is missing; "" if none is missing."""
     name = remembered(result)
     if not name or name in places():
         return ""

@@ -146,8 +146,8 @@ class FinalMetric(BaseMetric):
     """
 
     def text(self, result: Result) -> str:
-        """Return the value in the last row with its unit, or the name of the value if the only
-        variable of the metric is a mode (a variable whose values 0, 1, .. have names).
+        """Return the value in the last row (of a vector, the sum of its elements) with its unit, or
+        the name of the value if the only variable is a mode (its values 0, 1, .. have names).
         """
         values = self(result)
         try:

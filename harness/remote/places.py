@@ -147,10 +147,10 @@ def _processors(places: Mapping[str, Place]) -> dict[tuple[str, str], list[str]]
 
 FIRMWARE = "resources/firmware.elf"
 SETTINGS = "resources/link.txt"
-"""Paths of files in a link FMU: firmware for the emulator, settings of the link."""
+"""Paths in a link FMU: firmware (for the emulator @/firmware.elf), settings of the link."""
 
 PIPES = "enable=on,target=native,arg=%/to_board,arg=%/from_board"
-"""Semihosting option of the emulator. Its arguments name the two pipes that the firmware opens."""
+"""Semihosting option with the two pipes of the firmware; the link replaces % by their folder."""
 
 QUIET = ("-display", "none", "-monitor", "none", "-serial", "none")
 """Options with which the emulator has no display, monitor and serial line."""
@@ -203,7 +203,7 @@ def _made(fmu: Path, lines: Sequence[tuple[str, str]], firmware: bytes) -> Path:
     """
     library = built("link")
     if library is None:
-        raise UsageError("--on: links to other processors are available on Linux and macOS only")
+        raise UsageError("--on: the link library is missing; make builds it on Linux and macOS")
     root = parsed(read_entry(fmu, "modelDescription.xml"))
     name = root.find("CoSimulation").get("modelIdentifier")
     settings = [("guid", root.get("guid")), *lines]

@@ -52,9 +52,9 @@ def replay(result: Result, arrays: Arrays) -> Scene | None:
 
 
 def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | None:
-    """Return one scene with the replays of several runs and the events of all runs, whose texts
-    begin with the label of the run; None if the missions of the runs have no scene for several
-    runs.
+    """Return one scene with the replays of several runs and their events, as replay() adds them but
+    without the shadow, and with the end of each run that ends before the last; None if no mission
+    has a scene for several runs. The text of an event begins with the label of its run.
 
     results: by label of the run; arrays: as for replay().
     """

@@ -106,7 +106,7 @@ def _fitting(side: Measured, rule: Measured) -> Measured:
                 f"{part.text}: the unit of `{lost.text}` is not known; write the number "
                 "without a unit"
             )
-        meeting = f"`{part.text}` cannot be added to or compared with `{rule[0].text}`"
+        meeting = f"`{part.text}` cannot be converted to the unit of `{rule[0].text}`"
         raise ValueError(f"{meeting}: the unit of `{lost.text}` is not known")
     try:
         factor = convert(1.0, given, wanted)
@@ -162,9 +162,9 @@ def unit_in(result: Result, path: str) -> str:
 
 
 def fitted(result: Result, text: str) -> Node:
-    """Return the tree of an expression with its parts converted to common units by resolved(), for
-    the units of the variables of a result; raise ValueError. Trees are cached for results with
-    equal units.
+    """Return the tree of an expression, converted by resolved() to common units for the variables
+    of a result; raise ValueError if the text is not an expression or its units do not fit. Trees
+    are cached for results with equal units.
     """
     return _fitted(text, tuple(unit_in(result, path) for path in _parsed(text).variables))
 

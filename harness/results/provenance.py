@@ -293,8 +293,8 @@ def _g(value: float | None) -> str:
 
 
 def differences(ours: Provenance | None, theirs: Provenance | None) -> list[str]:
-    """Return the names of the fields that differ between two runs and that influence the recorded
-    values. Hashes are not compared.
+    """Return the names of the settings that differ between two runs and influence the recorded
+    values; [] if a run has no provenance. Hashes are not compared.
     """
     if ours is None or theirs is None:
         return []

@@ -42,10 +42,10 @@ class Finding:
     """Outcome of evaluating one requirement.
 
     value, unit, time [s]: the compared quantity in the row with the smallest margin (None: there is
-    none); reason: why the requirement is not exercised or not judged; margin: distance to failing,
-    negative if the requirement fails, -inf for a run that ended early or a value that is not a
-    number, None without a verdict; margin_unit: unit of the margin, "" if quantities of several
-    units are compared.
+    none); reason: why there is no value, or, for a requirement with a window, its margin as text;
+    margin: distance to failing, negative if the requirement fails, -inf for a run that ended early
+    or a value that is not a number, None for NOT_EXERCISED and NOT_JUDGED; margin_unit: unit of the
+    margin, "" if quantities of several units are compared.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Finding:
 
     @property
     def detail(self) -> str:
-        """Return the worst value with its time, or why there is no such value."""
+        """Return the worst value with its time; without such a value, return `reason`."""
         if self.value is None:
             return self.reason
         place = "" if self.time is None else f" at {self.time:g} s"
@@ -221,7 +221,7 @@ def has_slope(text: str) -> bool:
 
 def margin(result: Result, text: str) -> float:
     """Return the margin of the requirement `text`, its distance to failing, negative if it fails
-    (see Finding); NaN without a verdict.
+    (see Finding); NaN if the requirement is not exercised or not judged.
     """
     found = finding(result, text, text)
     return math.nan if found.margin is None else found.margin

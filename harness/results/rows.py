@@ -74,8 +74,8 @@ _QUICK = vars(math) | {"abs": abs, "min": min, "sorted": sorted, "of_vectors": _
 _SAFE = _QUICK | {name: getattr(np, name) for name in MATHS} | {"atan2": np.arctan2,
                                                                 "pow": np.power}  # fmt: skip
 """Names that a compiled function uses, in two versions: _QUICK has Python functions, which raise an
-error for a division by zero or the root of a negative number; _SAFE has numpy functions, which
-return infinity or NaN.
+error where they have no value, as sqrt(-1); _SAFE has numpy functions, which return infinity or
+NaN.
 """
 
 

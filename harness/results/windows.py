@@ -30,7 +30,7 @@ from harness.results.result import Array, Rows
 
 
 class Windows(NamedTuple):
-    """First and last row of the window of every row, and whether the window ends within the run."""
+    """First and last row of every row's window; whether it ends within the run and has a row."""
 
     first: Rows
     last: Rows
@@ -85,7 +85,7 @@ def until(x: Array, y: Array, within: Windows) -> Array:
 
 def _composed(x: Array, y: Array, begin: Rows, length: Rows) -> tuple[Array, Array]:
     """Return two values for each block of `length` rows from row `begin` on: the smallest x, and
-    the largest of min(y, smallest x of the block before that row); NaN for a block without rows.
+    the largest, over the block's rows, of min(y, smallest x of earlier rows); NaN without rows.
     """
     least, witness = np.full(len(x), np.nan), np.full(len(x), np.nan)
     place, table = begin.copy(), (x, y)
@@ -101,8 +101,8 @@ def _composed(x: Array, y: Array, begin: Rows, length: Rows) -> tuple[Array, Arr
 
 
 def _after(x_1: Array, y_1: Array, x_2: Array, y_2: Array) -> tuple[Array, Array]:
-    """Join two blocks of rows, the second after the first, and return two values of the whole, as
-    _composed() does: the smallest x, min(x_1, x_2), and the witness, max(y_1, min(x_1, y_2)).
+    """Return the two values of _composed() for two blocks joined in order: the smallest x and the
+    largest minimum. x_1, y_1 are these two values of the first block, x_2, y_2 of the second.
     """
     later = np.where(np.isnan(x_1), y_2, np.minimum(x_1, y_2))
     return np.fmin(x_1, x_2), np.fmax(y_1, later)

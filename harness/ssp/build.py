@@ -347,7 +347,7 @@ def build(source: Path, fmus: Path, output: Path) -> None:
     system = read(source, known)
     if system.without:
         left_out = ", ".join(system.without)
-        line = f"{source.name}: leaves out {left_out}, which only `harness export` can do"
+        line = f"{source.name}: leaves out {left_out}; only `harness export` leaves out components"
         raise StructureError([line])
     write_ssp(system, output)
 

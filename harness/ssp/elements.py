@@ -174,11 +174,11 @@ class Tree:
 
     def _edge(self, element: XmlElement, place: Place) -> Edge:
         """Return the connection that an element inside the system at `place` describes; raise
-        ValueError if it connects two outputs, two inputs or a missing connector.
+        ValueError if both ends give the signal, both take it, or a connector is missing.
         """
         (start, gives), (end, takes) = (self._end(element, side, place) for side in SIDES)
         if gives is not None and gives == takes:
-            both = "outputs" if gives else "inputs"
+            both = "ends that give a signal" if gives else "ends that take a signal"
             raise ValueError(f"connects two {both}")
         forward = takes is not True if gives is None else gives
         source, target = (start, end) if forward else (end, start)
@@ -282,6 +282,7 @@ class Tree:
         if not path.is_relative_to(self.folder.resolve()) or not is_file(path):
             missing = name or "a file without a name"
             self.problems.append(f"{label}: {missing} is not in the archive")
+            return self.folder
         return path
 
 

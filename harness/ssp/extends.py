@@ -42,8 +42,8 @@ def chain(source: Path) -> Iterator[Path]:
 
 
 def _read(source: Path) -> dict[str, Any]:
-    """Return the content of a TOML file, with the paths in `[start]` made absolute. A text of
-    several lines there is not a path but the content of a file.
+    """Return the content of a TOML file, with the paths in `[start]` made absolute. The entry
+    `attitude` is not a path, and a text of several lines is the content of a file.
     """
     table = read_toml(source)
     files: Any = table.get("start")
@@ -82,8 +82,8 @@ def _undriven(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _base(source: Path, name: str) -> Path:
-    """Return the TOML file of the system `name` that `source` extends. It is looked up in the same
-    folder, then in the missions beside this folder, then in all available missions.
+    """Return the TOML file of the system `name` that `source` extends. Of equal names, a mission
+    beside the folder of `source` has precedence, then this folder, then all available missions.
     """
     folder = source.resolve().parent
     known = {**systems(), **{path.stem: path for path in sorted(folder.glob("*.toml"))}}

@@ -2,8 +2,9 @@
 """Convex problems of the phases of a mission before the capture, whose optima are the least
 impulses.
 
-Each problem begins at the state at which the run began the phase, and ends at the position and
-velocity at which the run left it, within the tolerances of the mission manager. In "hold 1" the
+Each problem begins at the state at which the run began the phase. It ends, within the tolerances of
+the mission manager, at the position at which the run left the phase, at rest as seen in H or in the
+axes of the target; "mating" ends at the position and velocity of the contact. In "hold 1" the
 range must remain near R_1 of the manager, in the other holds the servicer must remain near the hold
 point, within the tolerances. In all phases before the final approach except "hold 2", the range
 must not fall below a least range, which is not a convex constraint. A stricter convex one replaces
@@ -42,7 +43,8 @@ ENDS = {"far": ("tol_1", "v_1"), "hold 1": ("tol_1", "v_1"), "closing": ("tol_2"
 each phase. The phase "mating" ends exactly at the position and velocity of the contact in the run.
 """
 WITH_TARGET = ("fly-around", "final", "hold 3", "mating")
-"""Phases that end at rest as seen in the axes of the target; the others end at rest as seen in H.
+"""Phases whose end is described in the axes of the target: they end at rest as seen in these axes,
+except "mating", which ends with the contact. The other phases end at rest as seen in H.
 """
 IN_CORRIDOR = ("final", "hold 3", "mating")
 

@@ -34,8 +34,8 @@ def by_arm(result: Result) -> bool:
 
 
 def stay(result: Result, phase: str) -> Stay:
-    """Return the first Stay of the mission in a phase, which contains the times of begin and end;
-    raise NotExercisedError if the run does not reach the phase.
+    """Return the first Stay of the mission in a phase; raise NotExercisedError if the run does not
+    reach the phase.
     """
     found = [s for s in stays(result) if s.phase == phase]
     if not found:

@@ -20,8 +20,9 @@ STATES = ("servicer.r_SN_N", "servicer.v_SN_N", "target.r_TN_N", "target.v_TN_N"
 
 
 class Escape(NamedTuple):
-    """Abort at one row, in Hill axes: position r [m] and velocity v [m/s] after the burn, velocity
-    increment dv of the burn [m/s], rate n of the Hill frame [rad/s].
+    """Abort at one row, in Hill axes, with the burn as a step of the velocity in its middle:
+    position r [m] that the servicer has there without thrust, velocity v after the burn [m/s],
+    velocity increment dv of the burn [m/s], rate n of the Hill frame [rad/s].
     """
 
     r: Array
@@ -100,8 +101,8 @@ def drift(n: float, r: Array, v: Array, tau: Array) -> Array:
 
 
 def drawn(result: Result, e: Escape, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return `count` positions [m] and velocities [m/s] after the burn, (count, 3) each, Hill axes,
-    with errors of navigation and burn drawn within e_r, e_v, k_p, k_n of the monitor.
+    """Return `count` positions r [m] and velocities v [m/s] as in Escape, (count, 3) each, Hill
+    axes, with errors of navigation and burn drawn within e_r, e_v, k_p, k_n of the monitor.
     """
     e_r, e_v, k_p, k_n = (float(result.parameter(f"monitor.{name}")) for name in BOUNDS[:4])
     along = rng.uniform(-k_p, k_p, (count, 1)) * e.dv
@@ -115,7 +116,7 @@ def support(result: Result, e: Escape, tau: Array) -> tuple[Array, Array]:
     """Return the path without errors, Hill axes, (times, 3) [m], and the largest displacement
     towards the target by errors within e_r to e_model of the monitor, (times,) [m].
 
-    tau: times since the burn (times,) [s].
+    tau: times since the middle of the burn (times,) [s].
     """
     e_r, e_v, k_p, k_n, e_model = (float(result.parameter(f"monitor.{n}")) for n in BOUNDS)
     path = drift(e.n, e.r[None], e.v[None], tau)[:, 0]

@@ -55,7 +55,9 @@ def _mission(canvas: Axes, result: Result) -> None:
 
 
 def _in_final_approach(result: Result) -> Any:
-    """Return a mask (rows,) of the rows from the fly-around to the last attempt."""
+    """Return a mask (rows,) of the rows within CLOSE of the target in the phases from "fly-around"
+    to the one before "retreat" in the list of phases, thus with capture and stack.
+    """
     first, last = map(result.mode_names(PHASE).index, ("fly-around", "retreat"))
     phase = result[PHASE]
     return (phase >= first) & (phase < last) & (range_(result) < CLOSE)
@@ -133,7 +135,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     ),
     Drawing(
         "escapes",
-        "Drifts of an hour after an abort, in the plane of the orbit",
+        "Drifts for the time escape_time after an abort, in the plane of the orbit",
         (*escapes.STATES, PHASE),
         _escapes,
         (11, 8),

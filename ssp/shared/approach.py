@@ -117,6 +117,6 @@ def _torque_without_effect(result: Result) -> Iterator[str]:
         if name in result and result[name][frozen].any():
             yield (
                 f"the attitude of the servicer is frozen before {release:g} s, so {name} acts on "
-                f"nothing until then; to turn it from the start: --set servicer.t_att=0"
+                f"nothing until then; to turn the servicer from the start: --set servicer.t_att=0"
             )
             return

@@ -24,10 +24,11 @@ DISTANCES = {
     "guidance.zeta1": "distance to reach",
 }
 """Parameters with the distance from the target at which the guidance holds the servicer, and their
-labels. Without a monitor a sphere is drawn for the first one that is not 0.
+labels. Without a keep-out zone of the monitor, a sphere is drawn for the first one that is not 0.
 """
 HOLDS, VIOLATED = 1, 2
 """States of a safety rule: met or violated; 0: the rule does not apply."""
+RESERVE = "monitor.escape_reserve"
 PLUS_X = np.array([[1.0, 0.0, 0.0]])
 
 
@@ -112,10 +113,15 @@ def _corridor(result: Result, states: Scene) -> Iterator[Scene]:
 def _state(result: Result, rule: Rule, rows: Rows, arrays: Arrays) -> str:
     """Store an array with the state of a rule at the instants of the replay, and return the name of
     the array. Each element is the worst state (VIOLATED, else HOLDS, else 0) from its instant until
-    before the next.
+    before the next. Once the rule escape is violated, it counts as violated wherever its margin is
+    below escape_reserve.
     """
     name = rule.history
-    text = f"{VIOLATED} * ({name} < 0) + {HOLDS} * ({name} >= 0) * ({name} < {RESTING})"
+    bad = f"({name} < 0)"
+    if rule.name == "escape" and result.holds("monitor.violated", parameters=(RESERVE,)):
+        reserve = float(result.parameter(RESERVE).max())
+        bad = f"({name} < {reserve} m) * monitor.violated[{RULES.index(rule) + 1}]"
+    text = f"{VIOLATED} * {bad} + {HOLDS} * (1 - {bad}) * ({name} < {RESTING})"
     return arrays.sample(result, rows, text, over="largest")
 
 

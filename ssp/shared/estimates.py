@@ -95,8 +95,8 @@ def errors(result: Result) -> tuple[Errors, ...]:
 
 
 def normalised(part: Errors) -> Array:
-    """Return the squared errors divided by their variances, summed over three axes, (rows,); NaN
-    where the filter publishes no standard deviation.
+    """Return the squared errors divided by their variances, summed over three axes, (rows,); NaN or
+    infinite where the standard deviation of an axis is 0.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.sum((part.error / part.sigma) ** 2, axis=1))

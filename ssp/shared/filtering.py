@@ -25,10 +25,12 @@ BARRIER, LEAST, RELAXED = "filter.barrier", "filter.least_barrier", "filter.rela
 NEEDS = (MODE, ACTIVE, CHANGE, BARRIER, LEAST, RELAXED)
 ERRORS = ("filter.position_error", "filter.velocity_error", "filter.reaction")
 RESTING = 1e9
-"""Barrier value of a rule that is off, or has not applied since the start."""
+"""Barrier value of a rule that is off or does not apply. As least value: the rule has not applied
+since the start.
+"""
 RULES = (("keep-out", "m"), ("corridor", "m"), ("speed", "m/s"), ("drift", "m"))
 """Rules with a barrier value that must not be negative, and the unit of this value."""
-WORDS = ("stop", *(name for name, _ in RULES), "plume", "box")
+WORDS = ("stop", *(name for name, _ in RULES), "plume", "force limit")
 """Names by the value of filter.active, the rule that determines the force. 0 with a changed
 force is a stop: a filter of kind simplex brakes although no rule is broken.
 """
@@ -205,7 +207,7 @@ def _draw_paths(canvas: Axes, results: Mapping[str, Result], colours: Mapping[st
 OVERLAYS: tuple[Overlay, ...] = (
     Overlay(
         "filtered_paths",
-        "Paths in target axes, the sphere dashed, the corridor dotted",
+        "Paths in target axes; keep-out sphere dashed, corridor dotted",
         SEEN,
         _draw_paths,
         (9, 4),

@@ -108,7 +108,9 @@ def notes(result: Result) -> Iterator[str]:
 THIN = 0.02
 """Least thickness of a drawn panel [m]."""
 TANK = 1.15
-"""Ratio of the radius of a drawn tank to the travel of its slosh mass."""
+"""Radius of a drawn tank, less the radius of the drawn slosh mass, divided by the travel of the
+mass.
+"""
 
 
 def moves(result: Result) -> bool:

@@ -99,7 +99,7 @@ class Answer:
     verified: Result
     cost: str
     spent: float
-    """Impulse that the run has spent, by `cost` as the optimum [N s]."""
+    """Impulse that the run has spent [N s]: of Bound.spent, else by `cost` as the optimum."""
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the report: the impulse of the run divided by the least impulse; the

@@ -45,9 +45,9 @@ def definitions(limits: Limits) -> Iterator[str]:
     """Yield the notes below a table of comparison, which define columns that need a definition."""
     if not limits.position:
         return
-    yield "settles: time after which the error stays within the band (attitude: since it is free"
-    yield "  to turn); -: it does not stay. error: largest in the last fifth of the run. inside"
-    yield "  reference: largest shortfall of the range against the reference. saturated: share of"
+    yield "settles: time after which the error stays within the band; -: it does not stay. error:"
+    yield "  largest in the last fifth of the run. Attitude: both count once it is free to turn."
+    yield "  inside reference: largest range shortfall against the reference. saturated: share of"
     yield "  rows with a limit reached. margin: least margin of a safety rule, also between rows"
 
 

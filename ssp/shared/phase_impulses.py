@@ -44,8 +44,9 @@ class PhaseBounds:
     that have the variables `needs` and the parameters `parameters`.
 
     phases: function of a result and the step of the grids [s] (None: the step of the mission) that
-    returns the phases by name; positions, velocities: variables of both bodies; attitude, force and
-    every as in Bound.
+    returns the phases by name; positions, velocities: variables of both bodies; attitude: variable
+    with the attitude of the body with thrusters; force: output of its actuator, in its axes; every:
+    macro steps per row.
     """
 
     needs: tuple[str, ...]
@@ -61,7 +62,11 @@ class PhaseBounds:
         self, system: System, cost: str, grid: float | None, without: Collection[str]
     ) -> PhaseAnswer | None:
         """Simulate the system and return the least impulses of the phases of this run, None if the
-        system lacks a variable or a parameter; arguments and errors as of Bound.
+        system lacks a variable or a parameter.
+
+        cost: `sum` or `norm`; grid: step of the convex problems [s] (None: the steps of the
+        mission); without: names of constraints to leave out. Raises UsageError, RunError, and
+        HarnessError if there is no optimum.
         """
         run = simulated(system, self.needs, self.parameters, self.every)
         if run is None:

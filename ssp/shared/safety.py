@@ -20,7 +20,9 @@ FOUND = (LEAST, FIRST, VIOLATED, WHEN)
 Parameter = Callable[[str], NDArray[np.float64]]
 """Function that returns a parameter of the monitor by its name."""
 RESTING = 1e9
-"""Margin of a rule that is off, or has not applied since the start."""
+"""Margin of a rule that is off or does not apply. As least margin: the rule has not applied since
+the start.
+"""
 
 
 class Rule(NamedTuple):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Figure of the margins of the safety monitor over time, a panel per unit. A rule is violated where
-its margin is negative.
+its margin is negative; the rule escape already where it is below `monitor.escape_reserve`.
 """
 
 from __future__ import annotations

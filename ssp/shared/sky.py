@@ -21,7 +21,7 @@ LIKE = 0.01
 """Largest relative difference between a planet's radius and EARTH at which the coasts of the Earth
 are drawn on it.
 """
-UNDATED = "no date: rotation angle of the Earth arbitrary"
+UNDATED = "no date, or library erfa missing: rotation angle of the Earth arbitrary"
 IN_ORBIT = 1e6
 """Distance from the origin of N [m] above which a body is in orbit and has a Hill frame."""
 HILL = {"key": "H", "name": "Hill frame", "axes": ["radial", "along track", "normal"]}

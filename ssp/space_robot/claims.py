@@ -107,8 +107,9 @@ FREE = (
     "robot.euler_0",
     "robot.deuler_0",
 )
-"""Parameters whose values may differ from the values in the system: the paper states neither orbit
-nor start, and its sections consider different eccentricities.
+"""Parameters whose values may differ from the values in the system, and `stop`, for any stop time:
+the paper states neither orbit nor start nor duration, and its sections consider different
+eccentricities.
 """
 
 TABLES: dict[str, tuple[float, float, tuple[Claim, ...]]] = {

@@ -18,7 +18,9 @@ ANGLES = "robot.joint_angle"
 MOTION = (PITCH, RATE, ANOMALY)
 ECCENTRICITY = "robot.e"
 SHAPE = tuple(f"robot.{name}" for name in ("e", "mass", "Ixx", "Iyy", "Izz", "l", "r"))
-"""Parameters from which the constants of the pitch equation are computed."""
+"""Parameters that the claims need: the eccentricity, and those from which pitch_constants()
+computes the constants of the pitch equation.
+"""
 
 
 def locked(result: Result) -> bool:

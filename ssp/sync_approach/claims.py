@@ -134,8 +134,8 @@ CLAIMS = (
         needs=TURNED,
         compute=metrics.attitude_end,
         value=(
-            "at most {0:.2f} deg in the last 100 s; after 1, 2, 5, 10 min {1:.1f}, {2:.1f}, "
-            "{3:.1f}, {4:.2f} deg"
+            "at most {0:.2f} deg in the last 100 s; after 1, 2, 5, 10 min of control {1:.1f}, "
+            "{2:.1f}, {3:.1f}, {4:.2f} deg"
         ),
         unit="deg",
         reproduced=at_most(2.0),

@@ -148,7 +148,7 @@ def _bodies(canvas: Axes, result: Result) -> None:
     axes.legend()
 
 
-# ---- tables
+# ---- plans, and the lists of all figures
 
 
 def _length(name: str) -> Curve:

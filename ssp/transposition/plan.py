@@ -72,10 +72,10 @@ class Plan:
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
-    """Return the plan of the guidance of a system, with and without planning; changes: as for
-    run().
+    """Return the commands of the guidance of a system with its plan and without a plan, from two
+    runs of the guidance alone; changes: changes of the system, such as `set` and `params`.
 
-    Raises UsageError if the system has no guidance that plans, or the errors of run().
+    Raises UsageError if the system has no guidance that plans, or the errors of a simulation.
     """
     with load(system) as found:
         alone = _guidance_alone(apply(found, **changes))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Single FMUs and whole systems that the published cases simulate. In this package only this module
-depends on the harness.
+loads FMUs and simulates systems.
 """
 
 from __future__ import annotations

@@ -548,6 +548,21 @@ def test_violations_and_aborts_are_events_and_states_of_zones():
     assert (rules["keep-out"], rules["corridor"]) == (5, 7)
 
 
+def test_an_escape_margin_below_its_reserve_is_a_violated_rule():
+    """The margin is 0.5 m from 4 s on, the reserve 1 m, and the rule is violated at 5 s."""
+    result = result_of("servicing_mission")
+    values, column = result.values.copy(), result.columns.index
+    values[:, column("monitor.escape_margin")] = np.where(result.time < 4, 3.0, 0.5)
+    late = result.time >= 5
+    values[:, column("monitor.violated[7]")] = late
+    values[late, column("monitor.t_first[7]")] = 5
+    values[:, column("monitor.least_margin[7]")] = values[:, column("monitor.escape_margin")]
+    page = Page(sketch_of(replace(result, values=values)))
+    escape = next(rule for rule in page.data["scene"]["rules"] if rule["name"] == "escape")
+    time = page.array(page.data["scene"]["time"])
+    np.testing.assert_array_equal(page.array(escape["state"]), np.where(time < 5, 1, 2))
+
+
 def test_the_earth_turns_and_the_sun_is_placed_by_the_date():
     """A dated run; Greenwich looks where the equation of the equinoxes has it, within a minute of
     arc of the angle of 280.46 deg at J2000.

@@ -90,7 +90,7 @@ def by_latency() -> str:
     shown = Column("", "delta-v", "{:.4g}")
     cells = [[cell(shown, result_of(c)) for c in runs(late).values()] for late in (0, 1)]
     rows = zip(SETS, *cells, strict=True)
-    return f"\n{table(('set', 'delta-v on time [m/s]', 'one tick late [m/s]'), rows)}"
+    return f"\n{table(('set', 'delta-v on time [m/s]', 'one macro step late [m/s]'), rows)}"
 
 
 def tracking(result: Any) -> float:

@@ -32,8 +32,8 @@ PHASES = {
 
 
 def event(name: str) -> Column:
-    """Return the table column of an event, with the value in each run of the claim of the mission
-    about this event; name: name of the claim.
+    """Return the table column of an event: for each run, the value that the claim about this event
+    has in the run. name: name of the claim of the mission, which is also the title of the column.
     """
 
     def evaluate(result: Any) -> str:
@@ -146,10 +146,10 @@ def shown(least: float, inside: float) -> str:
 
 
 def instants() -> str:
-    """Return a table of the least range of drifts, with a row per phase. A drift (motion without
-    thrust) begins every 10 s of the mission on truth and lasts an hour. The columns are: drifts
-    without a burn, and drifts after the burn of an abort with the monitor's parameter
-    `abort_relative` = 0, and with 1.
+    """Return a table of the least range of drifts, with a row for each of the first five phases
+    (far to fly-around). A drift (motion without thrust) begins every 10 s of such a phase of the
+    mission on truth and lasts an hour. The columns are: drifts without a burn, and drifts after the
+    burn of an abort with the monitor's parameter `abort_relative` = 0, and with 1.
     """
     from ssp.servicing_mission import escapes
 

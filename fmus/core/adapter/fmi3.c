@@ -1,9 +1,10 @@
 /* fmi3.c - functions of FMI 3.0 co-simulation for a model with an interface table: life cycle,
  * values, step.
  *
- * As in fmi2.c every function checks the call state first and returns fmi3Error with a message for
- * a rejected call; the instance does not change and stays usable. A row of the table
- * has the value reference that its first element has in FMI 2.0. */
+ * Every function checks first whether the state of the instance permits the call (FMI 3.0). A
+ * rejected call returns fmi3Error with a message; the instance does not change and stays usable.
+ * Only a failed step leads to the error state. A row of the table has the value reference that its
+ * first element has in FMI 2.0. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi3_layer.h"
 #include "life.h"

@@ -4,8 +4,8 @@
  * A model is plain data. It defines four structs made of doubles only (Parameters, Input, State,
  * Output), gathers them in a Model by the line
  *     MODEL_STRUCT;
- * and provides the start values, the table of variables, and
- *     check(p, problems) reject parameter values, all problems at once
+ * and provides the start values (Model start), the table of variables (Variable variables[]), and
+ *     check(p, problems)         reject parameter values, all problems at once
  *     initialize(p, u, x, y, t)  states and first outputs at start time t
  *     step(p, u, x, y, t, h)     from t to t + h with the inputs held, outputs latched at the end
  * The last line of the file, FMU_MODEL(...), passes all these to the adapter. */

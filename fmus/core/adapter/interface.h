@@ -70,8 +70,9 @@ static inline void check_parameters(const ModelInterface *m, void *parameters, P
     m->check(parameters, problems);
 }
 
-/* adds bytes to a 64-bit FNV-1a hash. The guid is the hash of names, units, shapes and start
- * values, and so depends on the interface only. */
+/* adds bytes to a 64-bit FNV-1a hash. The guid is the hash of the name of the model; of the names,
+ * units, causalities, shapes and rules of all variables; of the start values of parameters and
+ * inputs; and, for a fused system, of its connections and schedule (`structure`). */
 static inline uint64_t fold(uint64_t hash, const void *bytes, size_t count)
 {
     for (const unsigned char *b = bytes; count-- > 0; b++)

@@ -72,8 +72,8 @@ static inline unsigned category_of(const char *name) /* 0: unknown */
     return 0;
 }
 
-/* on: logs the given categories, or all if none is given; not on: logs no category. False: a
- * category is unknown */
+/* on: logs the given categories, or all if none is given; not on: logs no category. Errors are
+ * logged in every case. False: a category is unknown */
 static inline bool choose_categories(Instance *instance, bool on, size_t count,
                                      const char *const categories[])
 {
@@ -162,7 +162,9 @@ static inline const char *why_no_step(const Progress *now, double t, double h)
     return NULL;
 }
 
-/* does one step of the model, from t to t + h; false: the step has failed, which ends the run */
+/* does one step of length h from the present time, then sets the time to t + h (t may differ from
+ * the present time by a rounding error of the master); false: the step has failed, which ends the
+ * run */
 static inline bool take_step(Instance *instance, const char *function, double t, double h)
 {
     store_good_state(instance);

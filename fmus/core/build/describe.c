@@ -6,9 +6,10 @@
  *                 the outputs over the default experiment as CSV, with start values of all inputs;
  *                  nothing if a result violates a rule
  *
- * It exits with 1 after a message for each fault in the model's table of variables: a missing
- * description, a duplicate name, an unknown unit, a start value that violates its rule, or an
- * output that is not finite for the start values. */
+ * It exits with 1 after a message for each fault. Both forms check that the model accepts the start
+ * values of its parameters. The first form also checks the table of variables (descriptions, order
+ * and size of rows, unique names, units), and that start values and first outputs satisfy their
+ * rules. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "describe_fmi2.h"
 #include "describe_fmi3.h"
@@ -29,8 +30,7 @@ static void check_row(size_t row)
         report_fault(v->name,
                      "only a parameter of one element can be an internal step or a sample period");
     if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns)
-        report_fault(v->name,
-                     "it must have 1 to VR_STRIDE elements, a whole multiple of its columns");
+        report_fault(v->name, "it must have 1 to 1000 elements, a whole multiple of its columns");
     for (size_t i = 0; i < row; i++)
         if (strcmp(fmu_model.variables[i].name, v->name) == 0)
             report_fault(v->name, "the name is used twice");

@@ -237,7 +237,8 @@ static void print_log_categories(void)
     printf(
         "  <LogCategories>\n"
         "    <Category name=\"logStatusError\" description=\"rejected calls and failed steps\"/>\n"
-        "    <Category name=\"logStatusWarning\" description=\"questionable calls\"/>\n"
+        "    <Category name=\"logStatusWarning\" "
+        "description=\"alarms of the model and questionable calls\"/>\n"
         "    <Category name=\"logEvents\" description=\"life cycle of the instance\"/>\n  "
         "</LogCategories>\n");
     printf("  <DefaultExperiment " EXPERIMENT "/>\n");

@@ -218,7 +218,7 @@ def powers() -> list[str]:
         rows.append([float(exact), float((exact - float(exact)) / float(exact))])
     return [
         constant("STEPS_PER_E", float(1 / step), "128/ln 2"),
-        constant("STEP_1", high, "ln 2/128, first 35 bits"),
+        constant("STEP_1", high, "ln 2/128, first 36 bits"),
         constant("STEP_2", low, "ln 2/128, the rest: STEP_1 + STEP_2 = ln 2/128"),
         array("power_table", rows, "columns: a, b with 2^(j/128) = a (1 + b) in row j"),
         polynomial(

@@ -119,7 +119,7 @@ def version() -> str:
 @dataclass
 class Calls:
     """Call graph of one FMU. stack: size of the stack frame by function [bytes]; callees: names of
-    called functions by function; unbounded: functions whose stack size is not constant.
+    called functions by function; unbounded: functions whose stack size gcc cannot bound.
     """
 
     stack: dict[str, int]
@@ -250,7 +250,9 @@ def bound(head: str) -> str | None:
 
 
 def longest_function(path: Path) -> int:
-    """Return the number of lines of the longest function in a source."""
+    """Return the number of lines of the longest function in a source, from the last line of its
+    head to its closing brace.
+    """
     text = code(path)
     bodies = re.finditer(r"^\{\n.*?^\}", text, re.DOTALL | re.MULTILINE)
     return max((body[0].count("\n") + 2 for body in bodies), default=0)
@@ -265,7 +267,9 @@ def stack_rows() -> Iterator[str]:
 
 
 def loop_rows() -> Iterator[str]:
-    """Yield, for each text of LOOPS, a table row with the number of loops that have this bound."""
+    """Yield a table row for each bound of LOOPS that occurs, with the number of loops that have it.
+    The bound `?` represents all loops whose head matches no pattern of LOOPS.
+    """
     heads = [bound(head) or "?" for path in included() for _, head in loops(path)]
     for text in sorted(set(heads), key=lambda t: (-heads.count(t), t)):
         yield f"| {heads.count(text)} | {text} |"

@@ -196,8 +196,8 @@ def _publish(part: Part, buffer: int | None) -> None:
 
 
 def _list_rows(whole: Whole) -> None:
-    """Fill the lists of variables of `whole`: `rows` with parameters, unconnected inputs and
-    outputs, `checked` with connected inputs that have a range.
+    """Fill the lists of variables of `whole`: `rows` with parameters, all outputs and unconnected
+    inputs, `checked` with connected inputs that have a range.
     """
     free = [(part, row) for part in whole.parts for row in _free(part)]
     for causality in (PARAMETER, INPUT):

@@ -57,7 +57,9 @@ class Effects(NamedTuple):
 
 
 def parsed(text: str) -> Items:
-    """Return a C text as items (tokens, and brackets with their content), without comments."""
+    """Return a C text as items (tokens, and brackets with their content), without comments. A name
+    of WORDS, the keywords of C++, gets the suffix `_`.
+    """
     stack: list[Items] = [[]]
     for token in TOKEN.findall(text):
         if token in CLOSING:
@@ -162,7 +164,7 @@ def short_circuits(items: Items, effects: Effects) -> Items:
 def may_write(items: Items, effects: Effects) -> bool:
     """Return whether an expression may change a variable or what a pointer points to.
 
-    A call of a function or macro that `effects` does not know may write.
+    Calls of functions and macros that are not in `effects.without` count as writing.
     """
     begin = 0
     for i, item in enumerate(items):
@@ -328,8 +330,8 @@ def is_condition(body: Items) -> bool:
 
 
 def statements(items: Items) -> Items:
-    """Return statements in which `if (c) f(x, y);` with arguments that call nothing is replaced by
-    a call of lanes::where(), which performs f only in the lanes in which c holds.
+    """Return statements in which `if (c) f(x, y);` with arguments that contain no brackets is
+    replaced by a call of lanes::where(), which performs f only in the lanes in which c holds.
     """
     found: Items = []
     left = items

@@ -57,7 +57,8 @@ static bool run(void *model, bool print)
     return true;
 }
 
-/* prints the trace of an initialized model and frees the model */
+/* prints the trace of an initialized model, or nothing if an output violates a rule in the run;
+ * frees the model */
 static void print_trace(void *model)
 {
     void *first = malloc(memory_of(&fmu_model));

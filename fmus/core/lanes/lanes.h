@@ -615,7 +615,8 @@ template <class C, class F, class... T> INLINE void where(C c, const F &function
 }
 
 /* Performs a step of a component in all lanes. x: its state; y: its output; splits: 0
- * until one of its steps splits, then a count of the splits. Saving x and y often takes longer than
+ * until one of its steps splits, then 1 plus the number of steps that split, the repeated first one
+ * included. Saving x and y often takes longer than
  * the step, so they are saved before each step only after the first split. At the first split,
  * runs.h restores the memory of the whole system from its last copy and repeats the macro steps
  * made since that copy. */

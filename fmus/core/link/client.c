@@ -52,8 +52,9 @@ static bool write_request(Client *c)
 bool send_request(Client *c, Code code, const Writer *payload)
 {
     if (payload->full || payload->used > c->limit)
-        return fail_request(c, "a request of %u bytes is longer than the board accepts",
-                            (unsigned)payload->used),
+        return fail_request(
+                   c, "a request of at least %u bytes needs a larger PAYLOAD_LIMIT at both ends",
+                   (unsigned)payload->used),
                false;
     c->code = code;
     c->attempts = 0;
@@ -106,7 +107,7 @@ static const char *text_of_trouble(unsigned status)
     switch (status) {
     case NO_COMPONENT: return "the board has no such component";
     case NO_SESSION: return "the board has restarted and lost the state of the component";
-    case MALFORMED: return "the board does not understand the request";
+    case MALFORMED: return "the request is not valid, or its answer exceeds PAYLOAD_LIMIT";
     default: return "the board has rejected the request";
     }
 }
@@ -128,8 +129,8 @@ static bool read_answer(Client *c, Frame f, unsigned *status)
     return true;
 }
 
-/* true if the frame is the answer to the last request; damaged: set if the request must be
- * repeated at once */
+/* true if `status` is set: the frame is the answer to the last request, or the board uses another
+ * version of the protocol. damaged: set if the request must be repeated at once */
 static bool is_answer(Client *c, Frame f, unsigned *status, bool *damaged)
 {
     if (f.version != PROTOCOL_VERSION || (f.code & ANSWER && f.status == OTHER_VERSION))
@@ -233,8 +234,8 @@ static bool find_component(Client *c)
     size_t first = c->config.slot >= 0 ? (size_t)c->config.slot : 0;
     for (size_t i = first; i < d.components || i == first; i++) {
         c->slot = (uint8_t)i;
-        /* the clock sets the number before the first request, so that it differs from the numbers
-         * in earlier sessions */
+        /* the sequence number starts from the clock, so that the numbers of this session differ
+         * from the numbers of earlier sessions */
         c->sequence = (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28);
         if (read_description(c, &d) > 1) return false;
         if (strcmp(d.guid, c->config.guid) == 0) return true;

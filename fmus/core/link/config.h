@@ -22,7 +22,8 @@ typedef struct {
     const char *path;          /* unix: path of the socket; serial: path of the device */
     /* emulator: links with the same name here share one emulator; "": not shared */
     const char *group;
-    /* command line of the emulator, in which @ means the folder of the resources */
+    /* command line of the emulator, in which @ means the folder of the resources, % the folder of
+     * the pipes */
     const char *argument[MOST_ARGUMENTS + 1];
     size_t arguments;
     long slot, baud, retries; /* slot: index of the component on the board, -1: found by guid */

@@ -1,7 +1,7 @@
 /* firmware.c - main program of a board: FMUs, the board's end of the protocol, and a driver.
  *
- * The driver of an emulated processor reads and writes two pipes of the host by semihosting (its
- * command line names them), whole frames at a time. On hardware use a driver of your own instead:
+ * The driver of an emulated processor reads and writes two pipes of the host by semihosting. The
+ * arguments of main() name the pipes. On hardware use a driver of your own instead:
  * docs/protocol.md. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "board.h"

@@ -12,8 +12,8 @@ static int hex_value(char c)
     return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c - 'A' + 10;
 }
 
-/* converts the URI of the resources to a path: file:///a%20b and file:/a%20b become "/a b"; a plain
- * path is not changed */
+/* converts the URI of the resources to a path: file:///a%20b and file:/a%20b become "/a b". In a
+ * plain path, too, % with two digits is decoded, and slashes at the end are removed. */
 static void set_path(const char *uri, char path[PATH_SIZE])
 {
     char *at = path, *end = path + PATH_SIZE - 1;

@@ -17,8 +17,8 @@
 typedef struct {
     ValueType type;
     fmi2ValueReference reference;
-    /* pending: set by the master, not yet sent; read: read by the master at least once; valid:
-     * equal to the board's value */
+    /* pending: set by the master, not yet sent; read: read by the master at least once; valid: need
+     * not be requested, because it equals the board's value or is held until a late answer */
     bool pending, read, valid;
     double real;
     fmi2Integer integer;

@@ -31,7 +31,7 @@ static inline const char *describe_cost(const LinkStatistics *s, char *text, siz
     int used = snprintf(text, size, "%" PRIu64 " steps", s->steps);
     if (s->total > 0 && s->steps > 0)
         used += snprintf(text + used, size - (size_t)used,
-                         ", %" PRIu64 " instructions each, at most %" PRIu64 " at t = %.9g s",
+                         ", %" PRIu64 " instructions on average, at most %" PRIu64 " at t = %.9g s",
                          s->total / s->steps, s->largest, s->when);
     if (s->stack > 0)
         used +=

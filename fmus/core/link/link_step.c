@@ -37,7 +37,8 @@ static unsigned wait_for_step(Link *l)
     if (c->config.late == LATE_WAIT) return finish_exchange(l, wait_for_answer(c));
     if (c->config.late == LATE_HOLD && now_s() < c->sent + c->config.timeout)
         return hold_outputs(l);
-    snprintf(c->message, sizeof c->message, "fmi2DoStep: no answer within the deadline of %g s",
+    snprintf(c->message, sizeof c->message,
+             "fmi2DoStep: no answer within the deadline of %g s (with late=hold: the timeout)",
              c->config.late == LATE_HOLD ? c->config.timeout : c->config.deadline);
     return fmi2Error;
 }

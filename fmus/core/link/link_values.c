@@ -1,6 +1,8 @@
-/* link_values.c - setting and getting: values that the master sets are sent with the next step,
- * before the end of initialization at once; variables that it has read once are part of every
- * answer. */
+/* link_values.c - setting and getting.
+ *
+ * Values that the master sets are sent with the next step; before the end of initialization they
+ * are sent at once. Variables that the master has read once are part of the answer to every step.
+ */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 

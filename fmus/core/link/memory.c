@@ -1,8 +1,9 @@
 /* memory.c - memcpy by words for the processors of boards.
  *
- * The memcpy of a board's C library (picolibc, compiled for small size) needs five instructions per
- * byte. An FMU copies its state in every step, and compilers copy structures by memcpy. This
- * function needs a fifteenth of these instructions if both addresses are aligned to words. */
+ * The memcpy of a board's C library (picolibc, compiled for small size) needs four instructions per
+ * byte on Arm and six on RISC-V. An FMU copies its state in every step, and compilers copy
+ * structures by memcpy. If both addresses are aligned to words, this function needs a sixth of
+ * these instructions on Arm, a tenth on 32-bit and a twentieth on 64-bit RISC-V. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include <stddef.h>
 #include <stdint.h>

@@ -188,7 +188,9 @@ static bool open_life_pipe(Stream *s, const Paths *p, double until)
 static bool start_supervisor(Stream *s, const Paths *p, const Config *c)
 {
     Command *command = calloc(1, sizeof *command);
-    if (!command || c->arguments == 0) return free(command), fail_start(s, "no command");
+    if (!command || c->arguments == 0)
+        return free(command),
+               fail_start(s, "link.txt has no line 'argument=', or the memory is full");
     build_command(command, c, s);
     if (!on_path(command->list[0]))
         return errno = ENOENT, fail_start(s, command->list[0]), free(command), false;
@@ -206,8 +208,8 @@ static bool start_supervisor(Stream *s, const Paths *p, const Config *c)
     return started;
 }
 
-/* opens the pipes of the frames until the time `until`; opening for writing succeeds once the
- * emulator has opened its ends */
+/* opens the pipes that carry the frames. Opening for writing succeeds once the emulator has opened
+ * its end; it is tried until the time `until`. */
 static bool open_pipes(Stream *s, const Paths *p, double until)
 {
     char log_line[REASON_SIZE / 2] = "";

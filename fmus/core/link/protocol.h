@@ -46,7 +46,7 @@ typedef enum {
     OTHER_VERSION,
     NO_COMPONENT,
     NO_SESSION, /* no DESCRIBE since the start of the board */
-    MALFORMED   /* an undamaged frame that is not a valid request */
+    MALFORMED   /* an undamaged frame that is no valid request, or whose answer is too long */
 } Trouble;
 
 typedef enum { REAL_TYPE, INTEGER_TYPE, BOOLEAN_TYPE } ValueType;

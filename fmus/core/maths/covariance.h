@@ -91,9 +91,9 @@ static inline void propagate_covariance(double *P, const double *F, size_t movin
         for (size_t j = moving; j < n; j++) P[i * n + j] = P[j * n + i] = half[i * n + j];
 }
 
-/* adds to P the covariance q [T^3/3, T^2/2; T^2/2, T] of three position states and their three
- * rates that white noise of density q in their acceleration causes over the time T; position, rate:
- * index of the first of the three states */
+/* adds to P the covariance q [T^3/3, T^2/2; T^2/2, T] of three position states and their rates
+ * after the time T, caused by white noise of density q in the acceleration; position, rate: index
+ * of the first of the three positions, of the first of the three rates */
 static inline void add_white_acceleration(double *P, size_t n, size_t position, size_t rate,
                                           double q, double T)
 {

@@ -123,7 +123,7 @@ static const double arc_step_terms[3] = {
     0x1.9999998942bdbp-3,
     -0x1.248b5934e8d26p-3};
 #define STEPS_PER_E 0x1.71547652b82fep+7 /* 128/ln 2 */
-#define STEP_1 0x1.62e42fefa0000p-8 /* ln 2/128, first 35 bits */
+#define STEP_1 0x1.62e42fefa0000p-8 /* ln 2/128, first 36 bits */
 #define STEP_2 0x1.cf79abc9e3b3ap-47 /* ln 2/128, the rest: STEP_1 + STEP_2 = ln 2/128 */
 /* columns: a, b with 2^(j/128) = a (1 + b) in row j */
 static const double power_table[128][2] = {

@@ -1,4 +1,4 @@
-/* huge_angle.h - x mod pi/2 for any double, with a relative error of 2^-60.
+/* huge_angle.h - x mod pi/2 for finite doubles with |x| >= 1, with a relative error of 2^-60.
  *
  * Payne & Hanek 1983: x 2/pi mod 4 with x = m 2^e needs only seven words of 32 bits of 2/pi. The
  * digits of 2/pi before these words give multiples of 4, the digits behind them are below the

@@ -25,7 +25,7 @@ static inline int last_bits(double rounded, uint64_t mask)
 /* ---- sin and cos ---- */
 /* x - n pi/2 for the nearest whole n. pi/2 is the sum of three parts, and n times the first or
  * second part is exact (Cody & Waite 1980); if the difference cancels more digits than the third
- * part covers, the digits of 2/pi are used. */
+ * part covers, or if |x| >= 1e6, the digits of 2/pi are used. */
 static inline Angle reduced(double x)
 {
     if (fabs(x) <= PI / 4) return (Angle){x, 0, 0};
@@ -102,7 +102,7 @@ static inline double add_arc(double base, double base_rest, double sign, double 
     return whole + (sign * tail + (base - whole + sign * arc[0] + base_rest));
 }
 
-/* atan2(y, x) where both are zero or one is not finite: a multiple of 45 degrees, or NaN; a: the
+/* |atan2(y, x)| where both are zero or one is not finite: a multiple of 45 degrees, or NaN; a: the
  * larger of |x| and |y| */
 static inline double arc_at_edge(double y, double x, double a)
 {

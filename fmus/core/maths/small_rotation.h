@@ -31,8 +31,8 @@ static inline vec3 rotation_vector(quat q)
     return scale(n > 0 ? 2 * arc_tangent(n, c.w) / n : 2, v);
 }
 
-/* quaternion of a rotation vector by series: [cos |phi|/2, sin(|phi|/2)/|phi| phi], with an
- * error below 1e-16 for |phi| <= pi */
+/* quaternion of a rotation vector by series: [cos(|phi|/2), sin(|phi|/2)/|phi| phi]. For
+ * |phi| <= pi, the terms that are left out are below 1e-16. */
 static inline quat quat_of_rotation_vector(vec3 phi)
 {
     double x = dot(phi, phi) / 4, c = 1, s = 1;

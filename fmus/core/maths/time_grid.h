@@ -18,8 +18,8 @@
 
 static const double most_grid_steps = 9007199254740992.0; /* 2^53 */
 
-/* tolerance of x: a number that differs from x by no more counts as x. 1e-9 (1 + |x|), but at
- * most `most`, and at least two rounding errors of x */
+/* tolerance of x: a number counts as x if it differs from x by at most the tolerance. It is
+ * 1e-9 (1 + |x|), but at most `most`, and at least two rounding errors of x. */
 static inline double time_tolerance(double x, double most)
 {
     double relative = 1e-9 * (1 + fabs(x)), two_roundings = 4.44089209850062616e-16 * fabs(x);

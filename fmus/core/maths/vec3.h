@@ -34,7 +34,7 @@ static inline vec3 cross(vec3 a, vec3 b)
     return vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
-/* angle between two directions, exact also near 0 and pi, 0 if one of them vanishes [rad] */
+/* angle between two directions, exact also near 0 and pi; 0 or pi if one of them vanishes [rad] */
 static inline double angle(vec3 a, vec3 b) { return arc_tangent(norm(cross(a, b)), dot(a, b)); }
 
 static inline double clamp(double value, double low, double high)

@@ -4,6 +4,7 @@
  *   u = [v; w; dq]        velocity of S, angular velocity of the base, joint rates
  *   H = sum_k Jw_k^T I_k Jw_k + m_k Jv_k^T Jv_k, joint_inertia on its diagonal
  *
+ * Of body k: mass m_k, inertia I_k, Jacobians Jv_k and Jw_k of its velocity and angular velocity.
  * All quantities refer to S, the centre of mass of the base: a joint at o with the axis a and unit
  * rate moves the outboard links with the twist [o x a; a], momenta and loads are wrenches at S, and
  * an element of H is the product of a twist and a wrench. H is therefore computed in one inward
@@ -24,7 +25,8 @@ enum { ARM_JOINTS = 7 };
 /* per joint and its outboard link, in the zero pose and base axes: joint axis, joint from the
  * previous joint (the first: from S), mass of the link, its centre of mass from its joint, inertia
  * about the centre of mass (xx, yy, zz and xy, xz, yz), inertia of the rotor seen through the
- * gear */
+ * gear. p_EA_A, q_EA: position of E from the last joint and attitude of E, in axes A of the last
+ * link; without joints in axes of the base. */
 typedef struct {
     double joints;
     vec3 axis[ARM_JOINTS], offset[ARM_JOINTS];

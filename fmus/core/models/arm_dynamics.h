@@ -115,9 +115,10 @@ static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
                  G);
 }
 
-/* integral of r x A r dm over a body with inertia I. For A of acceleration_gradient() the integral
- * is I alpha' + w x I w - 3 g a x (I a), with g and a of TidalField. The second moments of the
- * mass, the integral of r r^T dm, are (trace(I)/2) 1 - I with the identity 1. */
+/* integral of r x A r dm over a body with inertia I; r: position from the point to which I refers.
+ * For A of acceleration_gradient() the integral is I alpha + w x I w - 3 g a x (I a), with w, alpha
+ * of that function and g, a of TidalField. The second moments of the mass, the integral of
+ * r r^T dm, are (trace(I)/2) 1 - I with the identity 1. */
 static inline vec3 moment_of(mat3 A, sym3 I)
 {
     double half = (I.xx + I.yy + I.zz) / 2;
@@ -133,11 +134,11 @@ static inline Wrench inertial_load(Composite b, vec3 a, mat3 A)
     return (Wrench){add(scale(b.m, a), mul(A, b.h)), add(cross(b.h, a), moment_of(A, b.I))};
 }
 
-/* acceleration a' with du/dt = 0, minus the tidal acceleration. at_o: this difference at each
- * joint; A: its gradient A_i on the link outboard of each joint i (A_0: on the base). For joint i
- * at position o_i with axis a_i, with this difference as a'(o_i):
+/* difference d: acceleration a' with du/dt = 0, minus the tidal acceleration. at_o: d at each
+ * joint; A: gradient A_i of d on the link outboard of each joint i (A_0: on the base). For joint i
+ * at position o_i with axis a_i:
  *   w_i = w_(i-1) + a_i dq_i,   alpha'_i = alpha'_(i-1) + w_(i-1) x a_i dq_i,
- *   a'(o_(i+1)) = a'(o_i) + A_i (o_(i+1) - o_i) */
+ *   d(o_(i+1)) = d(o_i) + A_i (o_(i+1) - o_i) */
 typedef struct {
     vec3s at_o;
     mat3s A;

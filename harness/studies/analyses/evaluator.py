@@ -101,7 +101,7 @@ class Evaluator:
         """
         if not self.names:
             raise UsageError(
-                "the system has no requirement; define one in [requirements] of the file"
+                "the system has no requirement; define one in [requirements] of the campaign"
             )
         names = [of] if of and isinstance(of, str) else list(of or self.names)
         for name in names:
@@ -130,7 +130,7 @@ class Evaluator:
 
     def __call__(self, numbers: Array) -> Array:
         """Perform a run for each row of coordinates (rows, d); return the margins (rows,
-        requirements): -inf for a failed run, NaN for a requirement without a verdict.
+        requirements): -inf for a failed run, NaN if not exercised or not judged.
         """
         numbers = np.asarray(numbers, dtype=np.float64)
         if numbers.ndim != 2 or numbers.shape[1] != self.d:

@@ -173,7 +173,7 @@ def sensitivity(definition: Any, output: str | Path, **how: Any) -> Study:
     method = {"morris": morris, "sobol": sobol}[entry.method]
     numbers, effects = method(groups, evaluator.d, count, evaluator.plan.table.seed)
     if count * per != entry.runs:
-        evaluator.notify(f"{entry.method}: {count} x {per} = {count * per} runs")
+        evaluator.notify(f"{entry.method}: {count} paths or points x {per} = {count * per} runs")
     with begun("sensitivity", evaluator, count * per, output, how) as driver:
         report_nominal(driver, of)
         margins, found = driver.evaluate(numbers), {}
@@ -186,8 +186,8 @@ def sensitivity(definition: Any, output: str | Path, **how: Any) -> Study:
 
 
 def _count(entry: Sensitivity, factors: int) -> tuple[int, int]:
-    """Return the number of paths (Morris) or sample points (Sobol) that `entry.runs` allows, and
-    the number of runs per path or point; raise UsageError if there are fewer than two paths.
+    """Return the number of paths (Morris) or sample points (Sobol: the next power of two) for
+    about `entry.runs` runs, and the runs per path or point; raise UsageError for under two paths.
     """
     per = factors + (1 if entry.method == "morris" else 2)
     count = max(1, entry.runs // per)

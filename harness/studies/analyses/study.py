@@ -27,15 +27,15 @@ class Study(Campaign):
     def estimate(self) -> dict[str, Any]:
         """Return the estimate as dictionaries, lists and numbers. `of`: by requirement, the
         effects of the factors (sensitivity) or the worst run with its repetitions (worst);
-        `unjudged`: by requirement, the number of runs whose margin is NaN or infinite; further
-        entries depend on the analysis.
+        `unjudged`: by requirement, the number of runs whose margin is NaN or +inf; further entries
+        depend on the analysis.
         """
         found: dict[str, Any] = json.loads(self.store.group.attrs["estimate"])
         return found
 
     def summary(self) -> str:
-        """Return the estimate as text, with the number of failed runs and the number of runs that
-        the estimate cannot use.
+        """Return the estimate as text, with the number of failed runs and, by requirement, the
+        number of runs that are no evidence (`unjudged`).
         """
         status = self.store.array("status")
         lines = [f"{len(status)} runs, {int((status == FAILED).sum())} failed"]
@@ -54,7 +54,7 @@ class Study(Campaign):
     @property
     def verdict(self) -> bool:
         """Return whether the exit status of the study is 0: always for `sensitivity`; for `worst`,
-        if the search has found neither a failure nor a run without a verdict.
+        if the search has found neither a failure nor a run with a margin of NaN or +inf.
         """
         if self.kind != "worst":
             return True
@@ -71,7 +71,7 @@ SMALL = 0.03
 small.
 """
 UNJUDGED = "are no evidence: not exercised, not judged or with an infinite margin"
-"""End of the line `REQUIREMENT: N of M runs ...` about the runs that an estimate does not use."""
+"""End of the line `REQUIREMENT: N of M runs ...` about runs with a margin of NaN or +inf."""
 
 
 def of_unit(value: float | None, unit: str) -> str:

@@ -90,8 +90,8 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     Guard a script that calls campaign() by `if __name__ == "__main__":`, because workers import it.
     Raises before the first run UsageError, or StructureError with all problems of the table. Raises
     ResultsError if the dataset cannot be written, and after the last run RequirementError if a
-    condition is not met or the success of a run could not be evaluated; its attribute `partial` is
-    the completed Campaign. A run that fails raises nothing: it is a row of the dataset.
+    condition is not met, the success of a run could not be evaluated or a source file has changed;
+    its attribute `partial` is the completed Campaign. A run that fails raises nothing.
     """
     prestart(workers, worker.__name__)
     with logged_once():
@@ -228,9 +228,8 @@ def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Chang
             f"--like {text}: run {number} has not completed; continue the campaign with --resume"
         )
     plan = store.plan()
-    for name in differing(plan.sources):
-        text = "%s: has changed since run %s of %s"
-        _log.warning(text, name, number, store.path.name)
+    for source in differing(plan.sources):
+        _log.warning("%s: has changed since run %s of %s", source, number, store.path.name)
     if system is not None and plan.system.read_bytes() != find_system(system).read_bytes():
         raise UsageError(
             f"--like {text}: this run is of {name_of(plan.system)}, not of {Path(system).stem}"

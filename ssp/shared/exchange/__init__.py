@@ -2,8 +2,8 @@
 """Exchange of orbits with other tools by CCSDS ephemerides, CZML and two-line elements.
 
 A result is written as a file for other tools, and a file of another tool gives start values. The
-inertial frame N of a result is treated as EME2000 about the Earth. t = 0 is the epoch of the run (a
-UTC), or the epoch that the user states if the run has none.
+inertial frame N of a result is treated as EME2000 about the Earth. For a written file, t = 0 is the
+UTC that the user states, else the epoch of the run, else J2000.
 """
 
 from __future__ import annotations

@@ -23,7 +23,10 @@ from harness.results.result import Array, Result
 from .bodies import Bodies, bodies, instants
 
 ORIGINATOR = "SERVICING-FMUS"
-ASSUMED = "N of the simulation is taken as EME2000; t = 0 is the epoch of the run, or J2000"
+ASSUMED = (
+    "N of the simulation is taken as EME2000; t = 0 is the date given to the conversion, else the "
+    "epoch of the run, else J2000"
+)
 
 
 OEM = {"CENTER_NAME": "EARTH", "REF_FRAME": "EME2000", "TIME_SYSTEM": "UTC"}

@@ -132,7 +132,7 @@ _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 def _ephemeris(path: Path | str, text: str) -> Source:
     system = _time_system(text)
     with PrivateFolder() as folder:
-        # the library does not support GPS time: it reads them as TAI, `late` corrects this by 19 s
+        # the library does not support GPS time: it reads the times as TAI; `late` adds the 19 s
         copy = folder / "message.oem"
         copy.write_text(_TIME_SYSTEM.sub(lambda m: m[0].replace("GPS", "TAI"), text), "utf-8")
         message = library("oem", "exchange").OrbitEphemerisMessage.open(str(copy))
@@ -263,8 +263,8 @@ def _problems(first: str, second: str) -> Iterator[str]:
 
 
 def _epoch(first: str) -> Iterator[str]:
-    """Yield the faults of the epoch in line 1: a two-digit year for 1957 to 2056, and the day of
-    that year, which is 1.0 at the beginning of the first of January.
+    """Yield the faults of the epoch in line 1. An epoch is a two-digit year, for 1957 to 2056, and
+    the day of that year, which is 1.0 at the beginning of the first of January.
     """
     place, text = "line 1, columns 19 to 32: epoch", first[18:32]
     if not (re.fullmatch(r"[\d ]\d", text[:2]) and _NUMBER.fullmatch(text[2:])):

@@ -128,7 +128,7 @@ def test_a_file_that_extends_leaves_out_what_it_sets_to_false(tmp_path):
     ]
     assert parameters[0] == parameters[1]
     assert set(parameters[0]) == {"monitor", "propulsion"}
-    with pytest.raises(StructureError, match=r"env.toml: leaves out controller, which only"):
+    with pytest.raises(StructureError, match=r"env.toml: leaves out controller; only"):
         build(file, paths.fmus()["target"].parent, tmp_path / "env.ssp")
     file.write_text(f'extends = "{SYSTEM}"\n[components]\nguidances = false\n')
     with pytest.raises(StructureError, match=r"components.guidances: .* leave out.*guidance"):

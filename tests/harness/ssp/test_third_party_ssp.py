@@ -377,7 +377,7 @@ def test_units_convert_back_and_forth_through_connectors_of_systems(simulate_cas
         (pair("count.n gian.u"), "count.n to gian.u: there is no component 'gian' (close: gain)"),
         (
             system("top", [COUNT, GAIN], ["count.n gain.u", "count.t_last count.n"]),
-            "count.t_last to count.n: connects two outputs",
+            "count.t_last to count.n: connects two ends that give a signal",
         ),
         (
             system("top", [COUNT, GAIN], ["count.n y"]),
