@@ -124,8 +124,8 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
 ) -> None:
     """Run a system and write the results.
 
-    Without -o the results are in results/SYSTEM.nc. With --like RESULT the exit status is 1 if the
-    bits differ from that result.
+    Without -o the results are in results/SYSTEM.nc, with --like RESULT in SYSTEM_again.nc. With
+    --like RESULT the exit status is 1 if the bits differ from that result.
     """
     # OpenBLAS starts no further threads, since they would have no work in a run
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -153,8 +153,8 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
 
 
 def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool) -> Any:
-    """Run the system, write the result to `file` and print its notes. If the run fails, write the
-    rows recorded so far.
+    """Run the system, write the result to `file` and print a summary unless `quiet`. If the run
+    fails, write the rows recorded so far.
     """
     from harness.files.signals import held
     from harness.master.changes import apply

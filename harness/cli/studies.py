@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Commands for many runs of a system: `harness compare`, `harness campaign`, the analyses
-`sensitivity` and `worst`, and `harness study` for a file of the project.
+`sensitivity` and `worst`, `harness study` for a file of the project. Also `harness bound`.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     *,
     system: SystemArgument,
     output: Annotated[Path | None, output("File for the run with the optimal force")] = None,
-    cost: Annotated[str, option("--cost sum|norm", "Count force per axis, or its length")] = "sum",
+    cost: Annotated[str, option("--cost sum|norm", "Integrate |F_x|+|F_y|+|F_z|, or |F|")] = "sum",
     grid: Annotated[float | None, option("", "Solve on a grid of this step [s]")] = None,
     without: Annotated[Texts, option("--without NAME", "Leave this constraint out")] = None,
     store: Annotated[bool, option("", "Store the optimum for reports and comparisons")] = False,
@@ -211,7 +211,7 @@ class Campaign:
         ),
     ] = None
     strict: Annotated[
-        bool, option("--strict", "Exit with 1 unless [expected] holds (if missing: all succeed)")
+        bool, option("--strict", "Exit with 1 unless [expected] holds (without it: no run fails)")
     ] = False
     figures: Annotated[
         bool, option("--figures/--no-figures", "Draw figures, as `harness plot OUT.zarr` does")

@@ -36,7 +36,7 @@ FURTHER = {
 
 @dataclass(frozen=True)
 class Findings:
-    """Errors and warnings of an FMU, one line each, and its description (None: unreadable)."""
+    """Errors and warnings of an FMU, one line each, and its description (None: not examined)."""
 
     errors: tuple[str, ...]
     warnings: tuple[str, ...] = ()
@@ -177,8 +177,8 @@ def _definitions(d: Description) -> Iterator[str]:
 
 
 def _arrays(d: Description) -> Iterator[str]:
-    """Check that the size of every array is a number or a structural parameter, and that the array
-    has one start value per element or one start value for all elements.
+    """Check that the size of every array is a number or a structural parameter, from 1 to MOST, and
+    that the array has one start value per element, one for all elements, or none.
     """
     for v in d.variables:
         yield from (f"{v}: {text}" for text in _array(d, v))

@@ -51,9 +51,9 @@ def deviations(d: Description) -> Iterator[str]:
 
 
 def _identity(d: Description) -> Iterator[str]:
-    """Check that model identifiers are C identifiers, that modelName and guid are not empty, that
-    at most one variable is independent, and that sibling elements differ in the attributes of
-    UNIQUE.
+    """Check that model identifiers are C identifiers, that modelName and guid are not empty, that a
+    guid is in braces, that at most one variable is independent (FMI 2.0), and that sibling elements
+    differ in the attributes of UNIQUE.
     """
     for name in d.identifiers:
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
@@ -226,7 +226,7 @@ def _exchanged(d: Description, v: Declared) -> Iterator[str]:
 
 
 def _starts(d: Description, v: Declared) -> Iterator[str]:
-    """Check that a variable has a start value exactly if its `initial` requires one."""
+    """Check that a variable has a start value exactly if it must, and that the value is valid."""
     needed = v.initial in ("exact", "approx")
     needed |= v.causality == "input" and v.type not in ("Clock", "Binary")
     if needed and not v.starts:

@@ -46,8 +46,8 @@ def plot(
     """Draw every figure for which the result has the variables, or one figure of the named
     variables; return the paths of the files.
 
-    ending: png, svg or pdf. Raises ResultsError if there is no figure to draw or the directory
-    cannot be written, UsageError for a variable that the result lacks.
+    ending: png, svg or pdf. Raises ResultsError if no figure fits and all variables are constant,
+    or the directory cannot be written, UsageError for a variable that the result lacks.
     """
     figures = _moving(result, variables)
     drawn = {name: partial(paint, f, result, style) for name, f in figures.items()}
@@ -57,7 +57,7 @@ def plot(
 def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Drawing]:
     """Return the figures of a result by name, without figures in which nothing changes. If
     `variables` names variables, return only one figure of them, even if nothing changes. Raises
-    ResultsError if there is no figure.
+    ResultsError if no figure of the mission fits and all variables are constant.
     """
     if variables:
         figure = figure_of(result, variables)
@@ -185,8 +185,8 @@ def _panels(
 
 
 def _prepare(axes: Any, panel: Panel, result: Result) -> None:
-    """Set the y scale of a panel, and draw its level line. The scale is logarithmic, or has the
-    names of the values as ticks if the panel shows a mode (a variable whose values have names).
+    """Set the y scale of a panel, and draw its level line. A panel with `log` has a logarithmic
+    scale. A panel of a mode (a variable whose values have names) has these names as ticks.
     """
     if panel.log:
         axes.set_yscale("log")

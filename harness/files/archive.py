@@ -39,7 +39,7 @@ DATE = (1980, 1, 1, 0, 0, 0)
 """Date of every file in a written archive, constant so that equal contents give equal bytes."""
 
 MAX_ENTRY = 64 * 1024**2
-"""Largest single file that is read into memory [bytes]."""
+"""Largest file that is read by itself, as by read_entry() [bytes]; read_all() has no such limit."""
 
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError, OSError)
 """Exceptions of zipfile for archives that are damaged, encrypted or compressed by a method that

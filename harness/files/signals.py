@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Handling of the signals that end the program (Ctrl-C, SIGTERM, SIGHUP) without loss of results.
 
-All of them raise KeyboardInterrupt. Inside a `held()` block a signal is only recorded: code there
-that can stop without losing results calls check(), which raises KeyboardInterrupt; all other code
-runs to the end of the block first.
+In an `as_interrupts()` block all of them raise KeyboardInterrupt. In a `held()` block a signal is
+only recorded: code there that can stop without losing results calls check(), which raises
+KeyboardInterrupt; all other code runs to the end of the block first.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class Scoring:
         the reward, expression of the cost, weights of the requirements; ends: what ends an episode,
         as two lists: requirements and conditions chosen by the user (None: all requirements), and
         further conditions; intervention: variable with the intervention of the shield ("": none).
-        Raises UsageError.
+        Raises UsageError for an expression or condition that is not valid.
         """
         self._result, self._program = result, Program()
         add, zero = self._program.add, self._program.number(0)

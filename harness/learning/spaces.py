@@ -49,7 +49,7 @@ class Signal(NamedTuple):
 
 def _observed(simulation: Simulation, names: Sequence[str]) -> list[Signal]:
     """Return the scalars that the agent observes: elements of the named variables, or, if there are
-    no names, of all connected inputs of the open components. Raises UsageError.
+    no names, of all connected inputs of the open components. Raises UsageError for an unknown name.
     """
     nodes = {n.component.name: n for n in simulation.graph.nodes}
     if not names:
@@ -72,7 +72,7 @@ def _observed(simulation: Simulation, names: Sequence[str]) -> list[Signal]:
 
 def _acted(simulation: Simulation, names: Sequence[str], limits: Limits) -> list[Signal]:
     """Return the scalars that the agent sets: elements of the named outputs of open components, or,
-    if there are no names, of all their outputs that other components read. Raises UsageError.
+    without names, of all that other components read. Raises UsageError (unknown name, no bounds).
     """
     without, nodes = simulation.system.without, simulation.graph.nodes
     read = {

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Vector of several environments of one system in this process, whose macro steps are performed by
-one call into C.
+"""Vector of several environments of one system. If all FMUs belong to this package, one call into C
+performs the macro steps of all environments, else each environment runs in a child process.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Calls of one instance of an FMU, in FMI 2.0 or FMI 3.0. Only this module, transfer.py and loop.c
-know the names of the FMI functions.
+"""Calls of one instance of an FMU, in FMI 2.0 or FMI 3.0. Callers name most functions without the
+prefix fmi2 or fmi3, such as DoStep.
 
 Argument types are the types that FMPy declares. Every call returns a status of FMI (OK, WARNING,
 ...), except for loading, freeing, and requests to a link FMU.

@@ -2,7 +2,7 @@
 """Changes to a system before a run: parameter sets and files, single values, swapped FMUs,
 latencies, step, stop.
 
-A change replaces immutable data, so the changed system can be exported exactly as it was run.
+Every change returns a new System, which can be exported exactly as it was run.
 """
 
 from __future__ import annotations

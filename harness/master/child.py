@@ -210,7 +210,7 @@ def _open_files() -> set[int]:
     folder = Path("/proc/self/fd")
     if not FORK or not folder.is_dir():
         return set()
-    listed = list(folder.iterdir())  # also the folder's own descriptor, now closed: no link
+    listed = list(folder.iterdir())  # one is of the folder itself: now closed, so no link
     return {int(file.name) for file in listed if file.is_symlink()}
 
 

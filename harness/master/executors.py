@@ -42,8 +42,8 @@ class Loop(NamedTuple):
     plan: actions of a macro step, in order; bus: values of all signals; recorder: table of recorded
     rows; clock: times of the macro steps; pause: index in the plan before which the run pauses, so
     that the user can set the outputs of an open component (a component that is not stepped); the
-    actions before this index are performed at the end of the previous macro step (0: no open
-    component).
+    actions before this index are performed at the end of the previous macro step (0: there are no
+    such actions).
     """
 
     plan: Sequence[Action[Instance]]

@@ -2,9 +2,9 @@
 """Loaded FMU: its buffers, the actions of the schedule (set inputs, step, get outputs), and how its
 state is saved and restored.
 
-calls.py loads the library and knows the names of the functions of FMI 2.0 and 3.0. This module
-defines the order of calls. The arguments of the calls in a macro step are built once, and the C
-executor makes the same calls with the same buffers.
+calls.py loads the library and hides most differences between FMI 2.0 and 3.0. This module defines
+the order of calls. The arguments of the calls in a macro step are built once, and the C executor
+makes the same calls with the same buffers.
 """
 
 from __future__ import annotations

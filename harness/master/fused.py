@@ -256,7 +256,7 @@ def _plan(system: System, graph: Graph, name: str) -> dict[str, Any]:
     found = ((n.component.name, n.interface.variables.values()) for n in graph.nodes)
     if others := sorted(n for n, known in found if any(v.type != "Real" for v in known)):
         raise NotFusedError(
-            f"{', '.join(others)}: one FMU of a system needs variables of type Real"
+            f"{', '.join(others)}: not all variables are of type Real, as a fused system needs"
         )
     experiment = system.experiment
     driver = {w.slot: (i, w.variable.name) for i, n in enumerate(graph.nodes) for w in n.outputs}

@@ -2,7 +2,7 @@
 """Runs in a child process, so that a crash of a third-party FMU is reported and loses no rows.
 
 The recorded rows are in memory that both processes share, so every complete macro step remains
-however the child ends. Systems whose FMUs all belong to the project run in this process.
+however the child ends. simulate() needs no child if all FMUs belong to the project.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from harness.system.model import System
 _log = logging.getLogger("harness")
 
 PATIENCE = 60.0
-"""Largest duration of one call into a third-party FMU in campaigns [s]; a longer call would delay
-all later runs.
+"""Largest duration of one call into a third-party FMU in campaigns and comparisons [s]; a longer
+call would delay all later runs.
 """
 
 BEGUN, OVER = "begun", "over"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Recorder of a run: rows with the values of all signals (the bus) at t = 0, after every N-th macro
-step, and at the end.
+"""Recorder of a run: rows with the values of all signals (the bus) at the start, after every N-th
+macro step, and at the end.
 """
 
 from __future__ import annotations

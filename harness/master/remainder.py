@@ -19,7 +19,7 @@ from harness.system.swap import existing
 
 
 def rest(system: System) -> System:
-    """Return the system without the components that its file declares as open (System.without)."""
+    """Return the system without its open components (System.without)."""
     out = system.without
     return remainder(replace(system, without=()), out) if out else system
 

@@ -412,9 +412,9 @@ class Simulation:
     def port(self, name: str) -> NDArray[Any]:
         """Return an output `component.variable` as an array that shows its present value. For an
         open component the array contains the value that the component publishes next, and the
-        caller writes to the array.
+        caller writes to the array. Raises UsageError if there is no such output.
 
-        The array remains valid until the FMUs are closed or exchanged. Raises UsageError.
+        The array remains valid until the FMUs are closed or exchanged.
         """
         return self._steerable().view(name)
 
@@ -427,8 +427,8 @@ class Simulation:
     def set(self, name: str, value: Any) -> None:
         """Set an output of an open component, or an unconnected input, from the next macro step on.
 
-        value: a number, or an array in the shape of the variable. Raises UsageError, or RunError if
-        the FMU rejects the value.
+        value: a number, or an array in the shape of the variable. Raises UsageError for another
+        name or shape, RunError if the FMU rejects the value.
         """
         self._steerable().set(name, value, self.time)
 

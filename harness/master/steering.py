@@ -34,7 +34,7 @@ def steered(
 ) -> tuple[list[Action[Instance]], int]:
     """Return the actions of a macro step in which the caller sets the outputs of the named (open)
     components, and the index of the action before which the run pauses, because the first open
-    component would read its inputs there (0: no component is open).
+    component would read its inputs there (0 also if no component is open).
     """
     plan = schedule(algorithm, [_held(i) if i.name in names else i for i in instances])
     opened = [action.instance.name in names for action in plan]

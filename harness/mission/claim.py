@@ -204,7 +204,7 @@ class Case:
     """Case of a paper: the run for which the paper states its claims.
 
     system: name of the system; params: parameter set; swap: pairs (component, FMU); free:
-    parameters to which the paper gives no value, and `stop` if any stop time is permitted.
+    parameters that may have other values, and `stop` if any stop time is permitted.
     """
 
     system: str
