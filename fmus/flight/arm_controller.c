@@ -81,8 +81,8 @@ static const Variable variables[] = {
     SWITCH(compensate_force, "1: feed-forward force of the base against the arm's motion"),
     NONNEGATIVE(M_ff_max, "N.m", "largest feed-forward torque, per axis; 0 = no limit"),
     SWITCH(use_wheels, "1: feed-forward torque by wheels, 0: by thrusters"),
-    SWITCH(base_rest, "1: the commands of the base are 0 in REST; 0: unchanged, if a "
-                      "command_selector sets them"),
+    SWITCH(base_rest, "1: the commands of the base are 0 in REST; 0: they pass unchanged (for "
+                      "systems in which a command_selector sets them)"),
     SAMPLE_PERIOD,
 
     INPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),

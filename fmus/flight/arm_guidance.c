@@ -119,7 +119,8 @@ static const Variable variables[] = {
     NONNEGATIVE_AS("K_posture", law.K_posture, "1/s",
                    "gain of the null-space motion towards joint_angle_ready"),
     NONNEGATIVE_AS("K_limit", law.K_limit, "1/s",
-                   "largest rate towards an angle limit, per angle from the limit"),
+                   "largest rate of a joint towards its angle limit, per rad of its distance "
+                   "from the limit"),
     NONNEGATIVE_AS("damping_max", law.damping_max, "1",
                    "damping of the inverse Jacobian at a singularity"),
     NONNEGATIVE_AS("manipulability_min", law.manipulability_min, "1",

@@ -8,8 +8,8 @@
  * A: axes of the star tracker; m: sample at which it measured; T: sample period; b: bias of the
  * gyro; dtheta: increment of the gyro; D: quaternion of the servicer's rotation from sample m to
  * the present sample (not a frame here); y: residual, with err the small rotation vector of a
- * quaternion. The published rate is the mean of the last period. Source: Lefferts, Markley &
- * Shuster 1982, Farrenkopf 1978; equations: docs/models.md F.4. */
+ * quaternion. The published rate is the mean of the last period, or 0 if gyro_valid is 0. Source:
+ * Lefferts, Markley & Shuster 1982, Farrenkopf 1978; equations: docs/models.md F.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "covariance.h"
 #include "measurements.h"
@@ -86,13 +86,15 @@ static const Variable variables[] = {
     INPUT(star_valid, "1", "1: an attitude was measured at star_time"),
 
     OUTPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
-    OUTPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),
+    OUTPUT(omega_SN_S, "rad/s",
+           "angular velocity of the servicer relative to N, body axes; 0 if gyro_valid is 0"),
     OUTPUT(bias_hat_S, "rad/s", "estimated bias of the gyro, body axes"),
     NONNEGATIVE_OUTPUT(sigma_theta_S, "rad", "standard deviation of the attitude, body axes"),
     NONNEGATIVE_OUTPUT(sigma_bias_S, "rad/s", "standard deviation of the bias, body axes"),
     NONNEGATIVE_OUTPUT(star_nis, "1", "normalised innovation squared of the last measurement"),
     NONNEGATIVE_OUTPUT(star_rejected, "1", "measurements rejected since the start"),
-    OUTPUT(star_age, "s", "time since the last measurement used"),
+    OUTPUT(star_age, "s",
+           "time since star_time of the last measurement used; before the first: t + 1 s"),
     FLAG(attitude_valid, "1: acquired, and the last measurement used is at most age_max old"),
 };
 

@@ -18,8 +18,8 @@
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
  * With far_wheels the wheels give the torque M_1: W_1 = -A_w^-1 M_1, and then M_1 = 0.
- * The change between laws is bumpless, the change to and from no law and to the retreat immediate:
- * when the selection changes from law to law, D is set to the last command minus F*, and decreases,
+ * The change between laws is bumpless, the change to and from no law or the retreat immediate: when
+ * the selection changes from law to law, D is set to the last command minus F*, and decreases,
  *   D *= exp(-period/blend_time),   F_cmd = F* + D + push [push_force, 0, 0] (law 3; not in D)
  * A selection that is not in the list is rejected. Equations: docs/models.md J.5 */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -88,7 +88,7 @@ static const Variable variables[] = {
     POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
     NONNEGATIVE_AS("unload_on", unload.on, "1",
                    "unloading begins at this share of wheel_speed_max off wheel_speed_ref "
-                   "(law 1: only if far_wheels = 1)"),
+                   "(in law 1 with far_wheels = 0: above unload_off)"),
     NONNEGATIVE_AS("unload_off", unload.off, "1",
                    "unloading ends at this share of wheel_speed_max off wheel_speed_ref "
                    "(laws 1 to 3)"),
@@ -212,8 +212,8 @@ static int is_law(double selection, int last)
     return selection == OPTIMAL_LAW || (selection >= FAR_LAW && selection <= last);
 }
 
-/* factor on D after a change of the selected law: 1 from law to law; 0 to or from no law and to
- * the retreat, where the command changes at once */
+/* factor on D after a change of the selected law: 1 from law to law; 0 to or from no law or the
+ * retreat, where the command changes at once; last: largest number of a law before the retreat */
 /* J.5-3 */
 static double blend_factor(const Parameters *p, double before, double now, int last)
 {

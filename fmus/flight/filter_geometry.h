@@ -1,5 +1,5 @@
-/* filter_geometry.h - relative motion at a sample of the safety filter, and the acceleration that
- * is needed, constant over a sample period, to brake at a distance (gap) from the edge of a rule.
+/* filter_geometry.h - relative motion at a sample of the safety filter, and the acceleration,
+ * constant over a sample period, that is needed to stop before the edge of a rule.
  *
  *   rho = r_S - r_T,   v = v_S - v_T,   g = gravity(r_S) - gravity(r_T)                        (1)
  *   W = C_TN^T omega_TN_T,   v_T = v - W x rho,   a_T = g - 2 W x v_T - W x (W x rho)          (2)

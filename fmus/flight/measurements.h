@@ -2,8 +2,8 @@
  *
  * A measurement is new if it is valid and later than the last new one. Its residuals update a copy
  * of the estimate; if the sum of their normalised squares (nis) exceeds the gate, the copy is
- * dropped. Acquisition sets the measured part of the estimate: at the first measurement, and after
- * reset_after rejections in a row. Equations: docs/models.md F.3. */
+ * dropped. Acquisition sets the measured part of the estimate: at the first measurement if acquire
+ * is 1, and after reset_after rejections in a row. Equations: docs/models.md F.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MEASUREMENTS_H
 #define MEASUREMENTS_H

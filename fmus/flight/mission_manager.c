@@ -172,7 +172,7 @@ static int condition_holds(const Parameters *p, const Input *u, const State *x, 
         [FLYAROUND] = is_before_axis(p, u, x, g, t),
         [FINAL]     = at_hold_3,
         [HOLD_3]    = at_hold_3 && u->go_3 > 0 && may_grasp(p, g) && wheels_within_budget(p, u),
-        [MATING]    = 0, /* by `mate` */
+        [MATING]    = 0, /* left by update_mating() */
         [RIGIDISE]  = u->hard > 0,
         [DETUMBLE]  = u->done > 0 && norm(u->S.omega) <= p->settle_rate,
         [STACK]     = 0,
@@ -267,7 +267,9 @@ static const Variable variables[] = {
     MODE(reason, "reason for which the previous phase ended",
          "its condition|abort|ground|navigation|propellant|error|too fast|time-out|attempts|force|"
          "momentum|propellant ahead|only by arm"),
-    NONNEGATIVE_OUTPUT(attempt, "1", "attempts to mate since the start"),
+    NONNEGATIVE_OUTPUT(attempt, "1",
+                       "attempts since the far approach began: matings, and final approaches "
+                       "broken off by a time-out"),
     MODE(select_force, "source of the force", "nobody|far|close|sync||retreat|optimal"),
     MODE(select_torque, "source of the torque", "nobody|far|close|sync|stack"),
     FLAG(active_far, "1: guidance and controller of the far approach are active"),
@@ -284,7 +286,7 @@ static const Variable variables[] = {
          "1: phases from final to back-off, in which the keep-out zone does not apply"),
     FLAG(monitor_valid, "1: the safety monitor may use the relative state"),
     FLAG(latch_enable, "1: the latch is armed"),
-    FLAG(release, "1: the latch releases"),
+    FLAG(release, "1: the latch releases; always 0, the manager never releases the target"),
     FLAG(push, "1: the servicer pushes, during mating after contact"),
     MODE(arm_mode_cmd, "commanded mode of the arm; 0 if by_arm = 0", "stow|deploy|grasp|rest"),
     NONNEGATIVE_OUTPUT(momentum, "N.m.s",

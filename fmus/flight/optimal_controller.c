@@ -109,7 +109,8 @@ static const Variable variables[] = {
     POSITIVE(tol, "1",
              "a plan is feasible if residual_p and miss <= tol[1] (m) + tol[2] times the range"),
     POSITIVE(bad_max, "1",
-             "infeasible plans in a row after which a solve does not start from the last path"),
+             "infeasible plans in a row after which a solve starts from zero force, and after "
+             "which the servicer brakes if it never had a plan"),
     NONNEGATIVE(age_max, "s", "time since its start up to which the last feasible plan is used"),
     NONNEGATIVE(K_b, "1/s2", "position gain of braking"),
     NONNEGATIVE(P_b, "1/s", "velocity gain of braking"),
@@ -339,7 +340,7 @@ static void begin_second(const Parameters *p, const Input *u, State *x, Output *
     set_up(p, u, x, t, seconds, first);
 }
 
-/* does the iterations (20) of this sample, at most seven */
+/* does the iterations of this sample, at most seven, by equation (20) of docs/models.md N */
 /* N.4-6 */
 static void improve(const Parameters *p, State *x)
 {

@@ -89,8 +89,8 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(sigma_v_N, "m/s", "standard deviation of the velocity, N axes"),
     NONNEGATIVE_OUTPUT(fix_nis, "1", "normalised innovation squared of the last fix"),
     NONNEGATIVE_OUTPUT(fix_rejected, "1", "fixes rejected since the start"),
-    OUTPUT(fix_age, "s", "time since the last fix used"),
-    FLAG(orbit_valid, "1: the estimate is acquired, and fix_age is at most age_max"),
+    OUTPUT(fix_age, "s", "time since fix_time of the last fix used; before the first: t + 1 s"),
+    FLAG(orbit_valid, "1: acquired, a fix has been used, and fix_age is at most age_max"),
 };
 
 /* F.5-7 */

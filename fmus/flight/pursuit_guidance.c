@@ -259,7 +259,7 @@ static double closing_speed(const Parameters *p, double range, double v_T)
 }
 
 /* sets the required velocity v_S = v_T + drho_ref: along X only (law 0), or in all three axes
- * (law 1) */
+ * (law 1); returns the required direction of X */
 static vec3 require_velocity(const Parameters *p, const Input *u, State *x, Output *y, vec3 sight,
                              vec3 X, double t)
 {

@@ -173,8 +173,8 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(pose_rejected, "1", "poses outside the innovation gate since the start"),
     NONNEGATIVE_OUTPUT(pose_late, "1",
                        "poses not used since the start, because too old or from the future"),
-    OUTPUT(pose_age, "s", "time since pose_time of the last pose used"),
-    FLAG(relative_valid, "1: acquired, and pose_age is at most age_max"),
+    OUTPUT(pose_age, "s", "time since pose_time of the last pose used; before the first: t + 1 s"),
+    FLAG(relative_valid, "1: acquired, a pose has been used, and pose_age is at most age_max"),
 };
 
 /* F.6-8 */

@@ -87,7 +87,7 @@ static const Variable variables[] = {
     MODE(active, "rule that determines the force",
          "none|keep-out|corridor|speed|drift|plume|force limit"),
     NONNEGATIVE_OUTPUT(intervention, "N", "size of the change of the force"),
-    FLAG(feasible, "0: no force satisfies all rules; 1 always unless filter = 3"),
+    FLAG(feasible, "0: no force satisfies all rules (only with filter = 3)"),
     MODE(relaxed, "first rule that was relaxed, only with filter = 3",
          "none|keep-out|corridor|speed|drift|plume|force limit"),
     OUTPUT(barrier, "1",

@@ -2,8 +2,8 @@
 """Check of a system or an FMU, which reports all problems at once and separates errors from
 warnings.
 
-An error prevents a run: the run would end with the same error. A warning is a deviation from the
-standard. An FMU checks the values of its parameters when it is initialised. This needs no other
+An error prevents a run: the run would end with the same error. A warning does not, e.g. a deviation
+from the standard. An FMU checks its parameter values when it is initialised. This needs no other
 FMU, so rejected values are found before any run by initialising each FMU alone.
 """
 
@@ -51,7 +51,7 @@ _log = logging.getLogger("harness")
 
 class Verdict(NamedTuple):
     """Result of a successful check: `text` is the line that states that the system or FMU can be
-    run; `warnings` has one line per deviation from the standard.
+    run; `warnings` has one line per problem that does not prevent a run.
     """
 
     text: str

@@ -115,7 +115,7 @@ class ComparisonRuns:
 
     @staticmethod
     def lost(message: str) -> Outcome:
-        """Return the outcome of a run whose process has ended: it has a message but no results."""
+        """Return the outcome of a run whose worker crashed or was killed: a message, no results."""
         return Outcome(None, message)
 
 
@@ -169,7 +169,7 @@ class Comparison:
     def text(self, names: Sequence[str] = ()) -> str:
         """Return the comparison as text: the line `in_force`, the table of metrics, warnings,
         definitions of the metrics, and the table of requirements; names: metrics to show (default:
-        all).
+        all, but a metric with a limit `above` only if a run exceeds the limit).
         """
         keys = {(m.name, m.unit): m for m in self.mission.metrics}
         hidden = {
@@ -230,8 +230,8 @@ def compare(  # noqa: PLR0913 - options of a comparison
 
     every: record every N-th macro step (default: such that a run has at most 20 000 rows);
     patience: limit for one call into a third-party FMU [s]; progress: called with the number of
-    completed runs; executor: as for run(). Raises the errors that run() raises before its first
-    step, and ResultsError. A run that fails later ends early, and the other runs continue.
+    completed runs; executor: as for run(). Raises the errors of the checks before the first run,
+    and ResultsError. If a run fails in its initialization or later, the other runs continue.
     """
     known_executor(executor)
     workers = min(len(variants), processes(None))
@@ -397,9 +397,9 @@ def _block(columns: Sequence[Sequence[str]]) -> str:
 
 
 def _numbers(values: Sequence[float]) -> list[str]:
-    """Return the numbers of a column as text: equally many decimals, with four digits for the
-    largest number; with powers of ten if the smallest number would be printed as 0; `-` if not
-    finite.
+    """Return the numbers of a column as text: equally many decimals, enough for four digits of the
+    largest number, but at most 4; with powers of ten if the smallest number would be printed as 0;
+    `-` if not finite.
     """
     sizes = [abs(v) for v in values if math.isfinite(v) and v]
     decimals = max(0, 3 - math.floor(math.log10(max(sizes, default=1.0))))

@@ -65,8 +65,8 @@ def compute_costs(  # noqa: PLR0913 - every one is an option of the command line
 ) -> list[Row]:
     """Run every FMU on every processor, and return a row with its cost for each combination.
 
-    fmus: names or paths; processors: names; place: component in whose place the FMU runs,
-    `SYSTEM.COMPONENT` (default: a component that has this FMU); stop: end of the run [s] (default:
+    fmus: names or paths; processors: names; place: `SYSTEM.COMPONENT` in whose place the FMU runs
+    (default: a component with this FMU or this alternative); stop: end of the run [s] (default:
     of the system); clock: frequency of the processors [Hz] (default: of each processor); notify:
     called with every row when it is complete. Raises UsageError, FmuError, RunError.
     """
@@ -180,8 +180,8 @@ def groups(fmus: Sequence[str], place: str | None) -> list[list[Place]]:
     """Return the place of every FMU, in groups that share one run: the FMUs of one system form a
     group, but an FMU that replaces another FMU is a group by itself.
 
-    fmus: names or paths; place: `SYSTEM.COMPONENT` (default: a component that has this FMU). Raises
-    UsageError.
+    fmus: names or paths; place: `SYSTEM.COMPONENT` (default: a component with this FMU or this
+    alternative). Raises UsageError.
     """
     found: dict[object, list[Place]] = {}
     for each in _places(fmus, place):

@@ -188,7 +188,7 @@ class ReusedSimulation:
         """Return the result of one run; raise the errors of `harness.run`.
 
         every: macro steps per row; patience: limit for one call into a third-party FMU [s]; needed:
-        variables to record (None: all). With the executor `fused` the result is a Reading.
+        variables to record (None: all). Executor `fused` without third-party FMUs gives a Reading.
         """
         return with_second_try(lambda: self._run(changes, every, patience, needed), self._reopen)
 

@@ -72,8 +72,8 @@ class Part(NamedTuple):
 class Difference(NamedTuple):
     """Parameter or open input, named `component.name`, whose value differs between two systems.
 
-    before, after: its values in the two systems, None where the component has no such variable;
-    text: description.
+    before, after: its values in the two systems, None where the component has no such variable or
+    the input is connected; text: description.
     """
 
     name: str

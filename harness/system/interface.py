@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Interface of an FMU: its variables and units, which FMPy reads from modelDescription.xml without
-an FMI call.
+"""Interface of an FMU: its variables and units, read from modelDescription.xml without an FMI call.
+FMPy reads the units, this module reads the variables.
 """
 
 from __future__ import annotations
@@ -177,8 +177,8 @@ def _description(path: Path, description: Description) -> FmpyObject:
 
 
 def unpacked_sources(fmu: Path, folder: Path) -> list[Path]:
-    """Unpack an FMU into a folder and return its C files, the file of the model first; [] if the
-    archive contains none.
+    """Unpack an FMU into a folder and return the C files that it lists, in the order of its list;
+    [] if it lists none.
 
     Raises ArchiveError, and FmuError if a file that the FMU lists is not in the archive.
     """

@@ -160,16 +160,16 @@ Range = tuple[float | None, float | None]
 class System:
     """Components in execution order, their connections, and the settings of a run.
 
-    strict: an unconnected input without a value is an error (systems of other tools rely on start
-    values); declared: units that the file states for variables of components, to be compared with
+    strict: a connection of unequal units, or an input without a connection and a value, is an error
+    (not in files of other tools); declared: units that the file states by port, to be compared with
     the FMUs; requirements: conditions by name, see harness.results.requirements; consistency:
     conditions on parameters by name; a condition that fails is logged; compared: parameter set that
     a comparison uses by default ("": none); sliders: parameters that the reader of a live page may
     change, with their ranges (None: range of the FMU); mission: name of its mission; without: open
     components, whose outputs the user sets during a run (harness.master.steering); starts: entries
     of `[start]`: by component, the path of the file, or the two-line elements, from which its
-    parameters are computed; and as `attitude` the frame relative to which start attitudes do not
-    change; origin: source and changes of the system.
+    parameters are computed; and as `attitude` the frame relative to which the start attitudes are
+    preserved when the orbit is replaced; origin: source and changes of the system.
     """
 
     name: str

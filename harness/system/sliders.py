@@ -23,8 +23,8 @@ class Slider(NamedTuple):
 
 
 def problems(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[str]:
-    """Yield the problems of sliders, one line each: no component has a parameter of this name, or
-    the range is missing or invalid. ranges: by `component.parameter`.
+    """Yield the problems of sliders, one line each: no component has a Real parameter of this name,
+    or the range is missing or invalid. ranges: by `component.parameter`.
     """
     for name, given in ranges.items():
         try:
@@ -59,7 +59,7 @@ def _slider(name: str, given: Range, interfaces: Interfaces) -> Slider:
         if v.type == "Real"
     }
     if name not in real:
-        raise ValueError(f"there is no such parameter{did_you_mean(name, real)}")
+        raise ValueError(f"there is no such parameter of type Real{did_you_mean(name, real)}")
     variable = real[name]
     both = (variable.low, variable.high)
     least, largest = (None if x is None or abs(x) >= BOUND else x for x in both)

@@ -91,7 +91,7 @@ class Assignments:
                 self.set(component, name, value)
         for name in odd:
             close = did_you_mean(name, sorted(known - {name}))
-            fault = f"expected a table per component, and no component has this name{close}"
+            fault = f"expected a table per component, by the name of the component{close}"
             self.problems.append(f"{name}: {fault}")
 
     def shared(self, name: str, value: Any, written: bool = False) -> None:

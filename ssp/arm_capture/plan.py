@@ -45,8 +45,8 @@ KNOWN = (*ARM, *DOCKING, *POSES, *GOALS)
 INSTANTS = 60
 """Number of instants at which the plan evaluates the position of the fixture."""
 LINE = np.arange(-1.2, 1.2001, 0.05)
-"""Positions along the axis of the fixture, from the seat (0) outwards, at which the plan computes
-whether the arm reaches them [m].
+"""Positions along the axis of the fixture at which the plan computes whether the arm reaches them:
+0 at the seat, positive into the target [m].
 """
 
 

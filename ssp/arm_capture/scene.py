@@ -50,7 +50,7 @@ def gripper(arm: Arm) -> list[Part]:
 
 
 def events(result: Result) -> list[Data]:
-    """Return the events of the replay: every change of the mode of the arm and of the latch."""
+    """Return the events of the replay: every mode of the arm, and every change of the latch."""
     arm = runs_of(result[MODE], result.time, result.mode_names(MODE))
     latch = runs_of(result[CAPTURE], result.time, result.mode_names(CAPTURE))[1:]
     return [event(each["begin"], f"arm {each['text']}", "phase") for each in arm] + [

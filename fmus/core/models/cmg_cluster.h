@@ -6,8 +6,8 @@
  *
  * g_i, s_i: gimbal axis and spin axis at gimbal angle zero of gyro i; b: angle of the gimbal axes
  * from Z; p_i: their azimuths; d: gimbal angles; h_w: momentum of one wheel; h: momentum of the
- * cluster. The gimbal axes are normal to the faces of a regular dodecahedron: the angle between any
- * two is 63.4 deg, so that the largest momentum is nearly equal in all directions. Source:
+ * cluster. The gimbal axes are normal to the faces of a regular dodecahedron: the lines of any two
+ * intersect at 63.4 deg, so that the largest momentum is nearly equal in all directions. Source:
  * docs/models.md E.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef CMG_CLUSTER_H

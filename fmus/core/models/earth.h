@@ -2,7 +2,7 @@
  * servicer.
  *
  * There are three values of the gravitational parameter, because every system uses the value of its
- * paper. They differ by 1e-8, which affects no result visibly. */
+ * paper. Their relative differences are below 5e-9, which affects no result visibly. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef EARTH_H
 #define EARTH_H

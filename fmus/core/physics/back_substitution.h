@@ -120,11 +120,12 @@ typedef struct {
     double g[PARTS]; /* accelerations q_k'' of the parts if A = alpha = 0 */
 } BiasTerms;
 
-/* A part at r adds the force b + g p = md (g t + 2 q' w x t - q'^2 e) to F and its moment about S
- * to M; the term with e is 0 for a slosh mass. md: factor in p = md t, for a panel mu d: its mass
- * mu times the distance d of its centre of mass from the hinge at r_H. For a panel the code uses
- * the right sides of these identities, which hold because r = r_H + d e and I_i is diagonal in the
- * axes e, a, t:
+/* A part at r adds the force md (g t + 2 q' w x t - q'^2 e) to F and its moment about S to M; the
+ * term with e is 0 for a slosh mass. A panel also adds the couple q' (I_i (w x a) + a x (I_i w) +
+ * I2 w x a) + g I2 a to M. md: factor in p = md t, for a panel mu d: its mass mu times the distance
+ * d of its centre of mass from the hinge at r_H; g: g_k of the part. For a panel the code uses the
+ * right sides of these identities, which hold because r = r_H + d e and I_i is diagonal in the axes
+ * e, a, t:
  *   (I1 - I3 - mu d^2)(w.e)(w.t) - mu d t.(w x (w x r_H))
  *     = (I1 - I3)(w.e)(w.t) - mu d t.(w x (w x r)),
  *   I_i (w x a) + a x (I_i w) + I2 w x a = (I1 + I2 - I3)(w.t) e - (I2 + I3 - I1)(w.e) t */

@@ -31,8 +31,9 @@ typedef struct {
     quat q_PQ;
 } PortState;
 
-/* present phase and time of its start; e_c: position e of the tip at the last soft capture or
- * release; q_R: rest attitude, set at soft capture */
+/* present phase; t_phase: time of the last change of phase, changes between FREE and CONTACT
+ * excluded; e_c: position e of the tip at the last soft capture or release; q_R: rest attitude, set
+ * at soft capture */
 typedef struct {
     double phase, t_phase;
     vec3 e_c;

@@ -65,8 +65,9 @@ static inline void check_slosh(const Sloshes *p, int j, Problems *problems)
 
 #define PARTS_OF_J_S \
     "J_S, panel_mass, panel_inertia, panel_hinge_S, panel_arm_S, slosh_mass_0, slosh_position_S"
-#define TOO_MUCH_INERTIA \
-    " (the inertia of the panels exceeds J_S: enlarge J_S or shorten panel_hinge_S, panel_arm_S)"
+#define TOO_MUCH_INERTIA                                                                    \
+    " (panels and slosh masses have more inertia than J_S permits: enlarge J_S or shorten " \
+    "panel_hinge_S, panel_arm_S, slosh_position_S)"
 
 static inline Vehicle vehicle(const FlexibleParameters *p)
 {
@@ -104,7 +105,8 @@ static inline void check_hub(const FlexibleParameters *p, Problems *problems)
                "must satisfy the triangle inequality" TOO_MUCH_INERTIA);
     else if (!is_positive_definite(minus(I_hc, p->base.A_w)))
         reject(problems, "inertia of the hub - A_w, from " PARTS_OF_J_S, least,
-               "must be positive definite" TOO_MUCH_INERTIA);
+               "must be positive definite (the value is the least moment before A_w is "
+               "subtracted)" TOO_MUCH_INERTIA);
     else if (substeps(p, &v) > 1000)
         reject(problems, "substeps, from max_step, panel_frequency, slosh_frequency",
                substeps(p, &v), "must be at most 1000 (shorten max_step)");

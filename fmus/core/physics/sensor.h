@@ -38,7 +38,7 @@ enum { RING = 8 };
     typedef struct { Slot ring[RING]; } State
 
 /* defines step(), which stores the result of measured(p, u, s) for every sample s and publishes, at
- * the end t of the step, the newest sample n with n sample_period + latency < t */
+ * the end t + h of the step, the newest sample n with n sample_period + latency < t + h */
 #define LATE_STEP(measured)                                                                        \
     static Slot *ring_slot(State *x, double n) { return &x->ring[(int)remainder_of(n, RING)]; }    \
     static void store_sample(const Parameters *p, const Input *u, State *x, Output *y, Sample s)   \
@@ -69,9 +69,9 @@ static inline void check_range(Problems *problems, double range_min, double rang
 /* ---- periods and samples without a measurement ---- */
 typedef struct { double start, duration, p_drop; } Outage;
 
-#define OUTAGE_ROWS(member)                                                                \
-    PARAMETER_AS("outage_start", member.start, "s", "no measurement from this time on"),   \
-        NONNEGATIVE_AS("outage_duration", member.duration, "s", "duration of the outage"), \
+#define OUTAGE_ROWS(member)                                                                  \
+    PARAMETER_AS("outage_start", member.start, "s", "start of a time without measurements"), \
+        NONNEGATIVE_AS("outage_duration", member.duration, "s", "duration of the outage"),   \
         NONNEGATIVE_AS("p_drop", member.p_drop, "1", "probability that a measurement is lost")
 
 typedef struct {

@@ -1,7 +1,8 @@
 /* arm_rows.h - parameters of an arm, the same in the interfaces of plant and flight software:
  * entries of the table of variables, default values, rules.
  *
- * Parameters per joint have seven rows; rows beyond the number `joints` are not checked. */
+ * Parameters per joint have seven rows; rows beyond the number `joints` are not checked, except in
+ * joint_torque_max, where every row must be >= 0. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_ROWS_H
 #define ARM_ROWS_H

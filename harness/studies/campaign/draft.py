@@ -107,8 +107,8 @@ class _Draft:
         self.problems += [line for line in lines if line not in self.problems]
 
     def task(self) -> Task | None:
-        """Check the whole table against its system, and add all problems found to `problems`.
-        Return the data that all runs share; None if an entry is wrong independently of the system.
+        """Check the table against its system; add all problems found to `problems`. Return the data
+        that all runs share, None if _task() returns None or an earlier check finds a problem.
         """
         table, system, declared = self.table, self.plan.system, len(self.problems)
         self.problems += wrong_names(table)
@@ -195,7 +195,7 @@ class _Draft:
 
     def _task(self, system: System, found: Mapping[str, BaseMetric]) -> Task | None:
         """Check the system in every structure (combination of swaps and other options), and the
-        names of metrics and recorded variables in the first structure. Return the data that all
+        variables that metrics and `record` name in the first structure. Return the data that all
         runs share; None if the first structure is wrong. found: metrics by name.
         """
         structures: dict[int, tuple[System, Checked]] = {}

@@ -54,7 +54,7 @@ class Factor:
     random `draw`.
 
     name: `component.parameter`, or an option of run(): `swap.COMPONENT`, `latency.COMPONENT`,
-    `params`, `algorithm`, `step`, `stop`.
+    `params`, `algorithm`, `step`, `stop`, `epoch`.
     """
 
     name: str

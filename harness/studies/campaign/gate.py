@@ -163,7 +163,7 @@ def _expression(text: str, shares: Collection[str], units: Mapping[str, str]) ->
     condition(expression)
     for path in tree.variables:
         if path not in known:
-            raise ValueError(f"{path} is a time series; use a metric or a requirement")
+            raise ValueError(f"{path} belongs to a single run; use a metric or a requirement")
     if tree.has_window:
         raise ValueError(
             "a window of time is valid only in a requirement; put it into [requirements]"

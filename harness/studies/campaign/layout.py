@@ -76,7 +76,7 @@ computed.
 OWN = ("status", "message", "end_time", "last", "column", "column_units", "time", "percentile",
        "requirement", "requirement_text", "verdict", "margin", "margin_units",
        "numbers")  # fmt: skip
-"""Names of arrays that every dataset has; a metric cannot have one of these names."""
+"""Names of arrays that a dataset can have in any campaign; a metric cannot have such a name."""
 LONGEST = 200
 """Largest number of bytes of a name. An array is a folder, whose name may have a prefix, and file
 systems limit names to 255 bytes.

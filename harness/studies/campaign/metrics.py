@@ -147,7 +147,7 @@ def measured(
     metrics: Mapping[str, BaseMetric], result: Result
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Return the values of all metrics of a run by name, NaN for a metric without a value, and by
-    name the reason for each NaN.
+    name the reason for each metric that raises an error. A computed NaN has no reason.
     """
     values, reasons, limits = {}, {}, cache(partial(_limits, result))
     for name, each in metrics.items():

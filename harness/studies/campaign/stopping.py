@@ -30,8 +30,8 @@ def wilks(probability: float, confidence: float) -> int:
 
 
 CLAIM = 5.0
-"""Ratio p0 / p1 of the two failure probabilities that Wald's test distinguishes: p0 is the required
-limit, and the test needs the fewest runs if the true probability is p1.
+"""Ratio p0 / p1 of the two failure probabilities that Wald's test distinguishes. p0 is the required
+limit. If the true probability is p1, no test of equal error rates needs fewer runs on average.
 """
 
 
@@ -75,8 +75,8 @@ class Until(Struct, frozen=True):
 
     def decided(self, failed: Sequence[bool]) -> int | None:
         """Return the number of runs, from the first on, after which Wald's test is decided; None if
-        it is not decided after all runs. failed: whether each run failed, in the order of the
-        runs.
+        it is not decided after all runs, or if `fixed` is set. failed: whether each run failed, in
+        the order of the runs.
         """
         if self.fixed:
             return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Dataset of a campaign: a Zarr group with one entry per run in each array, which xarray opens.
+"""Dataset of a campaign: a Zarr group of arrays with an entry per run, their axes and their labels.
 
 A dataset is created with all its arrays or not at all. Consecutive runs are written together as a
 block. A block is one chunk of each array, with a checksum, so that no chunk is written twice, and a
@@ -147,7 +147,7 @@ class Store:
         """
         store = cls.open(path)
         if kind and store.group.attrs.get("kind") != kind:
-            raise UsageError(f"{path}: cannot resume: it is not the dataset of a {kind}")
+            raise UsageError(f"{path}: cannot resume: it is not the dataset of a {kind} study")
         then, now = store.plan().decisive, plan.decisive
         if names := [name for name in {**then, **now} if then.get(name) != now.get(name)]:
             raise UsageError(

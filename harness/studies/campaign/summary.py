@@ -189,7 +189,7 @@ def text(store: Store, shown: str) -> str:
     if metrics and factors:
         head = (
             "rank correlation with factors (change of the metric from the 5th to the 95th "
-            "percentile of the factor, relative to the mean of the metric)"
+            "percentile of the factor, relative to the mean absolute value of the metric)"
         )
         lines += ["", head, *_ranks(metrics, factors)]
     lines += _failures(store, shown)
@@ -293,7 +293,7 @@ def by_category(store: Store) -> dict[str, dict[str, dict[str, Share]]]:
 
 def _groups(store: Store) -> Iterator[str]:
     """Yield the lines of one table for each factor whose values are texts: a row per value of the
-    factor, a column per requirement.
+    factor, columns for `success` and for each requirement.
     """
     for factor, rows in by_category(store).items():
         heads = [*next(iter(rows.values()))]
@@ -361,7 +361,7 @@ def lacking(store: Store) -> Iterator[str]:
 
 def expectations(store: Store) -> Iterator[Outcome]:
     """Yield the verdict on every entry of `[expected]`, which bounds the mean of a metric or the
-    share of `success`. An entry is met only if all completed runs have a finite value.
+    share of `success`. A mean counts as met only if no run has failed and all values are finite.
     """
     for name, (low, high) in store.definition()[0].get("expected", {}).items():
         mean, lacks = _mean(store, name)

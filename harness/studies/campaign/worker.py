@@ -49,7 +49,7 @@ class Row(NamedTuple):
     """Result of one run, as the dataset stores it.
 
     status: PENDING, COMPLETE or FAILED; message: reason of a failure, or a line per requirement
-    that is not met and per metric without a value; time: time of the last row [s]; last: last
+    not met or undecided, and per metric without a value; time: time of the last row [s]; last: last
     values of all variables; metrics: values by name; verdicts, margins: by requirement, as indices
     of VERDICTS and as distances to failing (-inf for a failed run); histories: recorded time series
     (rows, elements) by variable, NaN after the end of the run.
@@ -119,8 +119,8 @@ class Task:
         lanes = wanted and self.table.executor == FUSED and width() > 1
         if lanes:
             notify(
-                f"every worker makes up to {width()} runs at once in lanes of vector registers, as "
-                "soon as the library of lanes is compiled (campaigns of many steps compile it)"
+                f"if the library of lanes exists, every worker makes up to {width()} runs at once "
+                "in lanes of vector registers; campaigns of many steps compile the library"
             )
         return replace(self, lanes=lanes)
 

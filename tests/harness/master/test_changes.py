@@ -158,7 +158,7 @@ def test_an_ssv_file_of_parameters_overrides_what_it_names(system, tmp_path):
         (
             "x.toml",
             "[thrd]\nk = 1\n",
-            r"x\.toml: thrd: expected a table per component, and no component has this name",
+            r"x\.toml: thrd: expected a table per component, by the name of the component",
         ),
         ("x.toml", "k = 1\n", r"x\.toml: k: expected a table per component"),
         ("x.toml", "[third\n", "not a readable TOML file"),

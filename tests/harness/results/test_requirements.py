@@ -282,7 +282,7 @@ def test_where_the_other_part_decides_a_row_needs_no_number(gap, text):
         ("a.x >= a.angle", r"`a\.angle` \[rad\], `a\.x` \[m\]: rad \[rad\] cannot be converted to"),
         ("a.x - norm(a.v) > 0", r"`norm\(a\.v\)` \[m/s\], `a\.x` \[m\]: m/s \[m\.s-1\] cannot be"),
         ("a.x >= 2 * a.on", r"`2 \* a\.on` \[1\], `a\.x` \[m\]: 1 \[1\] cannot be converted to m"),
-        ("sqrt(a.x) >= a.km", r"with `sqrt\(a\.x\)`: the unit of `sqrt\(a\.x\)` is not known"),
+        ("sqrt(a.x) >= a.km", r"of `sqrt\(a\.x\)`: the unit of `sqrt\(a\.x\)` is not known"),
         (
             "sqrt(a.x) >= 1 m",
             r"1 m: the unit of `sqrt\(a\.x\)` is not known; write the number " "without a unit",

@@ -159,10 +159,10 @@ def test_runs_that_failed_have_no_metrics_and_count_by_their_number(holding):
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("time < 3", "time is a time series; use a metric or a requirement"),
+        ("time < 3", "time belongs to a single run; use a metric or a requirement"),
         ("always(m < 3, 2 s)", "a window of time is valid only in a requirement"),
-        ("metric.k < 3", "metric.k is a time series"),
-        ("parameter(twice.k) < 3", "parameter twice.k is a time series"),
+        ("metric.k < 3", "metric.k belongs to a single run"),
+        ("parameter(twice.k) < 3", "parameter twice.k belongs to a single run"),
         ("1 < m < 3", "an expression cannot contain"),
     ],
 )

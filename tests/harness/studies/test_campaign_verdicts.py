@@ -185,7 +185,7 @@ def test_a_condition_on_what_was_not_exercised_is_not_met(system, tmp_path, caps
         ("met(smallx) >= 99 %", "no requirement smallx (close: small)"),
         ("success", "is not a condition; write one like `success >= 99 %`"),
         ("success >= 99 m", "m"),
-        ("twice.y >= 3", "twice.y is a time series; use a metric or a requirement"),
+        ("twice.y >= 3", "twice.y belongs to a single run; use a metric or a requirement"),
     ],
 )
 def test_a_condition_that_makes_no_sense_is_rejected_before_the_first_run(
