@@ -82,13 +82,14 @@ def _undriven(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _base(source: Path, name: str) -> Path:
-    """Return the TOML file of the system `name` that `source` extends. Of equal names, a mission
-    beside the folder of `source` has precedence, then this folder, then all available missions.
+    """Return the TOML file of the system `name` that `source` extends: a file in its folder, else a
+    mission beside this folder, else an available mission.
     """
     folder = source.resolve().parent
-    known = {**systems(), **{path.stem: path for path in sorted(folder.glob("*.toml"))}}
-    for mission in (folder, *(path.parent for path in folder.parent.glob(f"*/{SYSTEM}"))):
+    known = dict(systems())
+    for mission in (*(path.parent for path in folder.parent.glob(f"*/{SYSTEM}")), folder):
         known |= systems_in(mission)
+    known |= {path.stem: path for path in sorted(folder.glob("*.toml"))}
     if name not in known:
         raise StructureError([f"extends: there is no system {name}{did_you_mean(name, known)}"])
     return known[name]

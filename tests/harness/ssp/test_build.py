@@ -463,6 +463,19 @@ def test_a_system_extends_one_that_extends_another(fmus, fmu_folder, tmp_path):
         build(tmp_path / "last.toml", fmu_folder, tmp_path / "last.ssp")
 
 
+def test_the_nearest_of_systems_with_equal_names_is_extended(tmp_path):
+    """`b` is a file beside the extending file, or a mission beside its folder, in this order."""
+    for folder, name, value in (("a", "b", 1.0), ("b", "system", 2.0)):
+        (tmp_path / folder).mkdir()
+        text = TOML.replace("[parameters.second]", f"[parameters.second]\nk = {value}")
+        (tmp_path / folder / f"{name}.toml").write_text(text)
+    upper = tmp_path / "a" / "upper.toml"
+    upper.write_text('extends = "b"\n')
+    assert extended(upper)["parameters"]["second"]["k"] == 1
+    (tmp_path / "a" / "b.toml").unlink()
+    assert extended(upper)["parameters"]["second"]["k"] == 2
+
+
 def test_a_system_that_extends_another_states_what_is_otherwise(fmus, fmu_folder, tmp_path):
     (tmp_path / "demo.toml").write_text(TOML)
     own = 'extends = "demo"\nname = "mine"\n[connections]\n"second.v[2]" = "first.v[1]"\n'
