@@ -15,7 +15,7 @@
 #include "mission_profile.h"
 
 #define NEAR_HOLD      1.0  /* m: at a range below R_2 + NEAR_HOLD the closing aims at the hold */
-#define SAME_DIRECTION 1e-3 /* rad: n = Z_H if X of V is this close to the line to the hold */
+#define SAME_DIRECTION 1e-3 /* rad: n = Z_H if X of V is this near +-(line to the hold) */
 
 enum { AT_HOLD, ON_TANGENT, TURNING };
 

@@ -69,7 +69,7 @@ static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
 
 /* wheel speeds with which body and wheels, at the servicer rate w_S, have the angular momentum that
  * they have with the speeds `bias` and the body at rest; each speed is limited to
- * bias_max wheel_speed_max */
+ * bias_max * wheel_speed_max */
 static inline vec3 wheels_with(const MissionParameters *p, vec3 bias, vec3 w_S)
 {
     vec3 rest = sub(bias, solve(p->A_w, mul(p->J_S, w_S)));
@@ -95,7 +95,8 @@ static inline double increment_ahead(const MissionParameters *p, double tumble, 
 }
 
 /* lower bound of the velocity increment that the remaining propellant gives [m/s]: the rocket
- * equation with log(1 + x) replaced by its lower bound x/(1 + x) */
+ * equation with log(1 + x), 1 + x = mass/(mass_dry + reserve), replaced by its lower bound
+ * x/(1 + x) */
 static inline double increment_left(const MissionParameters *p, double mass)
 {
     return mass > 0 ? p->Isp * STANDARD_GRAVITY * (1 - (p->mass_dry + p->reserve) / mass) : 0;

@@ -11,9 +11,9 @@
  *
  * d_hat: estimated acceleration that is not modelled; tide: gravity at the servicer minus gravity
  * at the target, to first order. Goals: 1 a point on the line of holds, 2 the grasp axis at
- * constant range, 3 along the grasp axis; 0 inactive. The inputs L_goal and T_goal replace range
- * and duration of the goal. The time of arrival is fixed. A plan ends at the arrival, but not
- * before T_min after its start.
+ * constant range, 3 along the grasp axis; 0 inactive. Inputs L_goal and T_goal that are not 0
+ * replace the parameters L_end and duration. The time of arrival is fixed. A plan ends at the
+ * arrival, but not before T_min after its start.
  * Modes: 0 plan, 1 last feasible plan, 2 brake and hold, 3 no plan yet: the first one is being
  * computed, and the force is 0.
  * Equations, constants and figures: docs/models.md N. */

@@ -98,15 +98,16 @@ static const Model start = {
 #define CHANNEL_ROW(member, constant, unit, text)                                                \
     ROW_AS(PARAMETER_ROW, p, #member "." #constant, member.constant, 1, unit, #member ": " text, \
            POSITIVE_VALUE)
-#define CHANNEL_ROWS(member, unit, gain_unit)                                             \
-    CHANNEL_ROW(member, k, gain_unit,                                                     \
-                "gain, angles in rad; law 0 multiplies the unit by (unit of alpha_0)^2"), \
-        CHANNEL_ROW(member, eta, "1", "weight of the mapped state s"),                    \
-        CHANNEL_ROW(member, lambda, "s", "weight of the rate in the generalised state"),  \
-        CHANNEL_ROW(member, alpha_0, unit, "bound at the start"),                         \
-        CHANNEL_ROW(member, alpha_inf, unit, "final bound"),                              \
-        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),                \
-        CHANNEL_ROW(member, delta, "1",                                                   \
+#define CHANNEL_ROWS(member, unit, gain_unit)                                              \
+    CHANNEL_ROW(member, k, gain_unit,                                                      \
+                "gain, angles in rad; law 0 multiplies the unit by (unit of alpha_0)^2"),  \
+        CHANNEL_ROW(member, eta, "1", "weight of the mapped state s"),                     \
+        CHANNEL_ROW(member, lambda, "s",                                                   \
+                    "weight of the rate in the generalised state: error + lambda rate"),   \
+        CHANNEL_ROW(member, alpha_0, unit, "bound of the generalised state at the start"), \
+        CHANNEL_ROW(member, alpha_inf, unit, "final bound of the generalised state"),      \
+        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),                 \
+        CHANNEL_ROW(member, delta, "1",                                                    \
                     "overshoot that the funnel allows, as a share of the bound, in (0, 1]")
 
 #define TELEMETRY_ROWS(member, suffix, whose)                                                    \

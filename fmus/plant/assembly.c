@@ -99,7 +99,8 @@ static const Variable variables[] = {
         momentum_share, "1",
         "momentum of the gyros divided by the largest possible one in its direction"),
     ALARM(saturated,
-          "1: gyros saturated: command beyond H_sat, or cluster above 0.98 of its envelope"),
+          "1: gyros saturated: commanded momentum beyond H_sat, or cluster above 0.98 of its "
+          "envelope"),
     OUTPUT(gimbal_angle, "rad", "gimbal angles"),
     OUTPUT(gimbal_rate, "rad/s", "gimbal rates"),
     NONNEGATIVE_OUTPUT(singularity, "1",

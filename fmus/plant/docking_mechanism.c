@@ -90,8 +90,9 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(
         load_moment, "N.m",
         "magnitude of the moment between probe and drogue about the tip, mean of the step"),
-    NONNEGATIVE_OUTPUT(energy_elastic, "J",
-                       "elastic energy of contact, latch and spring at the end of the step"),
+    NONNEGATIVE_OUTPUT(
+        energy_elastic, "J",
+        "elastic energy of contact, latch and separation spring at the end of the step"),
     OUTPUT(energy_dissipated, "J", "energy dissipated since the start, at the end of the step"),
     OUTPUT(energy_drive, "J",
            "energy put in by latches and retraction drive since the start, at the end of the step"),

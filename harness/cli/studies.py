@@ -324,7 +324,7 @@ def sensitivity_command(definition: StudyArgument, how: How) -> None:
 def worst_command(definition: StudyArgument, how: How) -> None:
     """Search for the worst run of each requirement.
 
-    The exit status is 1 if a requirement fails in a run of the search.
+    The exit status is 1 if a requirement fails or is not evaluated in a run of the search.
     """
     if not _analyse("worst", _file(definition), how):
         raise typer.Exit(1)

@@ -25,8 +25,8 @@ _log = logging.getLogger("harness")
 
 
 def figures_of(result: Result) -> list[Figure | Drawing]:
-    """Return the figures of the mission for which the result has the variables; of two figures with
-    the same name, the first. If there is no such figure, return general figures.
+    """Return the mission's figures whose variables the result contains; of two figures with the
+    same name, the first. If there is no such figure, return general figures.
     """
     if note := missing(result):
         _log.warning("%s", note)

@@ -342,7 +342,7 @@ def _name_runs(canvas: Canvas, runs: _Runs) -> None:
 
 
 def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> None:
-    """Draw one curve of every run."""
+    """Draw a curve for every run; for many runs also its percentile band."""
     histories = {label: curve.history(result) for label, result in runs.results.items()}
     if panel.log:  # values <= 0 cannot be drawn
         histories = {label: np.where(h > 0, h, np.nan) for label, h in histories.items()}

@@ -118,9 +118,9 @@ def apart(
         if values and max(values.values()) > metric.apart * min(values.values()):
             most, least = (pick(values, key=values.__getitem__) for pick in (max, min))
             yield (
-                f"{metric.name}: {most} {values[most]:.3g} {metric.unit}, {least} "
+                f"{metric.name}: {most} {values[most]:.3g} {metric.unit} and {least} "
                 f"{values[least]:.3g} {metric.unit} differ by more than a factor of "
-                f"{metric.apart:g}: the runs have different actuators"
+                f"{metric.apart:g}: compare them only if the runs have equal actuators"
             )
 
 

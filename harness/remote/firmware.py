@@ -238,7 +238,7 @@ def _component(number: int, part: Part, processor: Processor, folder: Path) -> P
     """
     interface = read_interface(part.fmu)
     if interface.fmi != 2:
-        raise FmuError(f"{part.name}: {part.fmu.name} is of FMI 3.0, but boards need FMI 2.0")
+        raise FmuError(f"{part.name}: {part.fmu.name} is of FMI 3.0; processors need FMI 2.0")
     place = folder / f"component{number}"
     sources = unpacked_sources(part.fmu, place)
     if not sources:

@@ -80,7 +80,7 @@ NaN.
 
 
 class RowProgram:
-    """Compiled function that evaluates `wanted` instructions of a program in single rows of any
+    """Compiled function that evaluates the instructions `wanted` of a program in single rows of any
     result with the columns of `result`. The value of each wanted instruction must be one number
     that depends on a single row, see is_per_row().
     """

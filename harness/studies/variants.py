@@ -70,7 +70,7 @@ def _factor(option: str, text: str) -> Factor:
     named = option in ("swap", "latency", "set")
     name, given = next(pairs(shown, [text])) if named else ("", text)
     if option == "set" and kind_of(name):
-        raise UsageError(f"{shown} {text}: expected component.parameter")
+        raise UsageError(f"{shown} {text}: {name} is an option; expected component.parameter")
     texts = pieces(given)
     if option == "set":
         texts = [value for each in texts for value in _range(each, f"{shown} {name}={each}")]

@@ -116,7 +116,7 @@ APPROACH = Paper(
             "abstract",
             (MODE, GRIP, *BODIES),
             within_reach,
-            "fixture at most {1:.2f} m from the second joint of an arm of {2:.2f} m",
+            "fixture at most {1:.2f} m from the second joint; arm of {2:.2f} m from there",
             "",
             at_most(0.95),
             at_most(1.0),

@@ -42,6 +42,8 @@ GOALS = tuple(
     for name in ("standoff", "seat_depth", "track_from", "manipulability_min")
 )
 KNOWN = (*ARM, *DOCKING, *POSES, *GOALS)
+POINTS = {"stand": "the point at arm_guidance.standoff", "seat": "the seat in the fixture"}
+"""Goals of the grapple in texts, by the names of Plan.histories."""
 INSTANTS = 60
 """Number of instants at which the plan evaluates the position of the fixture."""
 LINE = np.arange(-1.2, 1.2001, 0.05)
@@ -98,7 +100,9 @@ class Plan:
         yield self._clearance()
         distance, (i, j) = self.touches
         yield f"stowed: links {i} and {j} are nearest, {1e3 * distance:.0f} mm between them"
-        yield "; ".join(self._reasons()) or "planned: the arm always reaches stand and seat"
+        yield (
+            "; ".join(self._reasons()) or "planned: the arm always reaches standoff point and seat"
+        )
 
     def _clearance(self) -> str:
         """Return a text that states how far the base may be offset along the axis of the fixture so
@@ -124,10 +128,10 @@ class Plan:
         for name, r in self.histories.items():
             least = float(r.parameter(GOALS[3]))
             if not r["plan.reached"].all():
-                yield f"not planned: the {name} is outside the reach of the arm"
+                yield f"not planned: {POINTS[name]} is outside the reach of the arm"
             elif r["plan.manipulability"].min() < least:
                 yield (
-                    f"not planned: at the {name} manipulability is below "
+                    f"not planned: at {POINTS[name]} manipulability is below "
                     f"arm_guidance.manipulability_min = {least:g}"
                 )
         if self.touches[0] < 0:

@@ -88,7 +88,12 @@ def errors(result: Result) -> tuple[Errors, ...]:
         attitude_error(result[f"{FILTER}.q_TN"][sampled], result["target.q_TN"][true]),
         result["target.omega_TN_T"][true] - result[f"{FILTER}.omega_TN_T"][sampled],
     )
-    titles = ("rho, N [mm]", "its rate, N [mm/s]", "attitude of T [deg]", "rate of T [deg/s]")
+    titles = (
+        "position, N axes [mm]",
+        "velocity, N axes [mm/s]",
+        "attitude of T [deg]",
+        "rate of T [deg/s]",
+    )
     factors = (1e3, 1e3, np.degrees(1.0), np.degrees(1.0))
     sigmas = (result[f"{FILTER}.{name}"][sampled] for name in SIGMAS)
     return tuple(map(Errors, titles, found, sigmas, factors))

@@ -75,7 +75,7 @@ def test_stand_and_seat_are_reached_from_the_reference(nominal):
         np.testing.assert_allclose(r["plan.place"], np.tile([x, 0, 0], (60, 1)), atol=1e-8)
         assert r["plan.reached"].all()
     assert nominal.good
-    assert nominal.text().endswith("planned: the arm always reaches stand and seat")
+    assert nominal.text().endswith("planned: the arm always reaches standoff point and seat")
 
 
 def test_the_arm_ends_where_it_is_stretched(nominal):
@@ -88,8 +88,11 @@ def test_from_a_metre_farther_off_nothing_is_planned(tmp_path, capsys):
     given = [part for name, value in FAR.items() for part in ("--set", f"{name}={value}")]
     assert main(["plan", "arm_capture", *given, "-o", str(tmp_path)]) == 1
     reported = capsys.readouterr().out
-    assert "not planned: the stand is outside the reach of the arm" in reported
-    assert "not planned: the seat is outside the reach of the arm" in reported
+    assert (
+        "not planned: the point at arm_guidance.standoff is outside the reach of the arm"
+        in reported
+    )
+    assert "not planned: the seat in the fixture is outside the reach of the arm" in reported
     least = np.ceil((3.05 - FARTHEST) / 0.05) * 0.05
     assert f"reach the seat from a base {least:.2f} m nearer to the target" in reported
     assert {p.name for p in tmp_path.iterdir()} == {"planned_reach.png", "planned_joints.png"}

@@ -201,8 +201,9 @@ def ends(item: Any) -> bool:
 
 
 def designated(items: Items) -> Items:
-    """Return items in which assignments replace the designated initializers (`{.a = 1}`, `{[2] =
-    1}`) of structs and arrays, which C++ permits only in the order of the declaration.
+    """Return items in which assignments replace designated initializers: of structs (`{.a = 1}`),
+    which C++ permits only in the order of the declaration, and of arrays (`{[2] = 1}`), which it
+    does not permit.
     """
     found: Items = []
     for item in items:

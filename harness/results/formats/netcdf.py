@@ -197,5 +197,5 @@ def _numbers(name: str, values: Any) -> Array:
     """
     array = np.asarray(values)
     if array.dtype.kind not in "biuf":
-        raise ValueError(f"{name}: expected numbers, got {array.dtype}")
+        raise ValueError(f"{name}: expected numbers, found the type {array.dtype}")
     return array.astype(np.float64, copy=False)

@@ -86,7 +86,7 @@ class Evaluator:
         self._run_blocks: RunBlocks | None = None
 
     def reserve(self, runs: int) -> None:
-        """Set the planned number of runs, the length of the arrays in a study's dataset."""
+        """Set the planned number of runs, which is the length of the arrays in the dataset."""
         entries = {**self.plan.definition, "runs": runs, "coordinates": self.d}
         self.plan = replace(self.plan, definition=entries)
         self.task = replace(self.task, key=self.plan.digest, table=self.plan.table)

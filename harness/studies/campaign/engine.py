@@ -109,8 +109,8 @@ class _Spread:
         self.left = last_in_pieces(blocks, pool.count, work.piece)
         self.jobs: dict[Future[list[Any]], tuple[Block, int, Sequence[Any]]] = {}
         self.begun: dict[int, dict[int, list[Any]]] = {}
-        """Rows of the blocks in progress, by the first run of the block and then by the index of
-        the piece in the block.
+        """Rows of the blocks in progress, by the first run of the block and then by the index, in
+        the block, of the first run of the piece.
         """
         self.over: SimpleQueue[Future[list[Any]]] = SimpleQueue()
 

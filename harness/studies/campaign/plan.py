@@ -214,8 +214,8 @@ class Plan:
 
     @cached_property
     def groups(self) -> dict[str, range]:
-        """Return for each random factor, by name, the indices of its numbers among all numbers
-        between 0 and 1 of one draw.
+        """Return, by name of a random factor, the indices of the numbers that it uses. A draw is a
+        row of random numbers between 0 and 1 for all factors.
         """
         places, first = {}, 0
         for each in self.factors:

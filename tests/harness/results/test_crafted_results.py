@@ -109,7 +109,7 @@ VARIABLES = {
         "a.text",
         np.array(list("abcdef"), dtype="S1"),
         {},
-        "a.text: expected numbers, got |S1",
+        "a.text: expected numbers, found the type |S1",
     ),
     "elements": ("a.v", np.zeros(6), {"elements": "x\ny"}, "variables: expected 6 rows of "),
     "twice": (

@@ -106,7 +106,7 @@ def test_equal_values_that_are_written_otherwise_have_labels_and_files_of_their_
 
 @pytest.mark.parametrize("name", ["step", "swap.controller", "latency.plant"])
 def test_no_option_passes_for_a_parameter(name):
-    with pytest.raises(UsageError, match=f"--vary {name}=1,2: expected component.parameter"):
+    with pytest.raises(UsageError, match=f"--vary {name}=1,2: {name} is an option; exp"):
         combinations({}, [("set", f"{name}=1,2")])
 
 
