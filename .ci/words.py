@@ -117,7 +117,7 @@ def helps(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def tracked() -> list[str]:
-    """Return the tracked files with text, and new ones that git does not ignore."""
+    """Return the tracked files to be checked, and new ones that git does not ignore."""
     command = ["git", "ls-files", "-co", "--exclude-standard"]
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     named = (name for name in listed.splitlines() if Path(name).suffix in TEXT)

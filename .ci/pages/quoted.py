@@ -103,7 +103,7 @@ def new_controller() -> str:
         for words in (("new", "controller", "my_pd"), ("build", "my_pd")):
             _printed("-m", "harness", *words, cwd=folder)
         result = run("sync_approach", swap={"controller": f"{folder}/my_pd/my_pd.fmu"})
-    # a row holds the command that the software computed one macro step before the states of the row
+    # the reference in a row was computed from the states of the row before
     position = result["servicer.r_SN_N"] - result["target.r_TN_N"]
     error = np.linalg.norm(position[:-1] - result["guidance.rho_ref_N"][1:], axis=1)
     return f"{1e3 * error[3000:].max():.1f} mm"

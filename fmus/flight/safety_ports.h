@@ -46,7 +46,7 @@ typedef struct {
         SWITCH(keep_out_axes, "axes of the keep-out zone: 0 = Hill, 1 = target"),                  \
         SWITCH(keep_out_opens,                                                                     \
                "1: the keep-out zone does not apply while approaching (berthing)"),                \
-        POSITIVE(keep_out_half, "m", "half axes of the keep-out zone; three equal ones: sphere"),  \
+        POSITIVE(keep_out_half, "m", "half axes of the keep-out zone: of an ellipsoid or a box"),  \
         SWITCH(use_corridor, "1: the approach corridor applies while approaching"),                \
         SWITCH(corridor_axes, "axes of the corridor: 0 = Hill, 1 = target"),                       \
         POSITIVE(corridor_half_angle, "rad", "half angle of the cone, below pi/2"),                \

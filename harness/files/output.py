@@ -83,15 +83,25 @@ def _sweep(target: Path) -> None:
 
 
 def _is_running(process: int) -> bool:
-    if os.name != "posix":  # on Windows os.kill(process, 0) would end the process
-        return True
+    if os.name == "posix":  # on Windows os.kill(process, 0) would end the process
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return False
+        except (OSError, OverflowError):
+            return True
+    return process_state(process) != "Z"  # zombie: it has ended
+
+
+def process_state(process: int) -> str:
+    """Return the letter by which Linux states the state of a process, such as T (stopped) or Z
+    (zombie); "" if it is unknown. process: process id.
+    """
     try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
-    return True
+        text = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    return text.rpartition(") ")[2][:1]
 
 
 @contextmanager

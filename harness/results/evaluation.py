@@ -141,7 +141,7 @@ def _unit(node: Node, parts: Sequence[str | None]) -> str | None:
 
 def _product(operation: str, second: Node, a: str | None, b: str | None) -> str | None:
     """Return the unit of a product, a quotient or a power of values in units a and b, None if it is
-    unknown; second: node of the second value, the exponent of a power.
+    unknown, "" without a unit; second: node of the second value, the exponent of a power.
     """
     if operation == "**":
         if a in ("", "1") or a is None or second.kind != "number":

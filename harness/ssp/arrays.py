@@ -129,7 +129,8 @@ def type_name(variable: Variable, version: int) -> str:
 
 def joined(connections: Sequence[Connection], interfaces: Interfaces) -> Iterator[Joined]:
     """Yield every connection with its two ends as SSP states them. Two arrays of equal shape whose
-    elements are all connected one to one yield a single connection without indices.
+    elements of equal indices are all connected, by equal conversions, yield a single connection
+    without indices.
     """
     bundles: dict[tuple[str, ...], list[Joined]] = {}
     rows = []

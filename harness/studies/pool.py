@@ -20,12 +20,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import cache
 from multiprocessing import connection, forkserver, resource_tracker
-from pathlib import Path
 from queue import SimpleQueue
 from types import ModuleType
 from typing import Any, Self
 
-from harness.files.output import PrivateFolder
+from harness.files.output import PrivateFolder, process_state
 from harness.files.signals import held
 from harness.master.child import end_with_parent
 
@@ -203,11 +202,7 @@ class _Worker:
     def stopped(self) -> int:
         """Return the process id if Linux reports the process as stopped (SIGSTOP), otherwise 0."""
         pid = getattr(self._process, "pid", None) or 0
-        try:
-            state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(") ")[2][0]
-        except OSError:
-            return 0
-        return pid if state == "T" else 0
+        return pid if process_state(pid) == "T" else 0
 
     def end(self) -> None:
         """Close the pipe and wait until the process has ended; kill a process that is stopped

@@ -128,7 +128,7 @@ class Plan:
         for name, r in self.histories.items():
             least = float(r.parameter(GOALS[3]))
             if not r["plan.reached"].all():
-                yield f"not planned: {POINTS[name]} is outside the reach of the arm"
+                yield f"not planned: the arm does not reach {POINTS[name]} at every instant"
             elif r["plan.manipulability"].min() < least:
                 yield (
                     f"not planned: at {POINTS[name]} manipulability is below "

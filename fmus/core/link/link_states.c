@@ -70,7 +70,7 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate stat
 {
     if (!state || !size)
         return failure(component, "fmi2SerializedFMUstateSize",
-                       "the state or a pointer argument is NULL");
+                       "the state or the pointer to its size is NULL");
     *size = saved_size(state);
     return fmi2OK;
 }

@@ -157,7 +157,7 @@ def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
         yield f"  {_not_met(own)}{own_step} {of_unit(own, unit)}"
     if seeds := found.get("other seeds"):
         least = float(np.min(seeds))
-        yield f"  {_not_met(least)}with {len(seeds)} other seeds: {of_unit(least, unit)} at worst"
+        yield f"  {_not_met(least)}with {len(seeds)} other seeds: margin >= {of_unit(least, unit)}"
 
 
 def _not_met(margin: float) -> str:

@@ -22,7 +22,7 @@ import pytest
 from harness.cli.app import main
 from harness.errors import ResultsError
 from harness.files import signals
-from harness.files.output import PrivateFolder, written
+from harness.files.output import PrivateFolder, process_state, written
 from harness.results import files
 from harness.results.files import ResultFile, read, save
 from harness.results.formats import netcdf
@@ -75,6 +75,20 @@ def test_a_failure_leaves_the_old_file_and_nothing_beside(tmp_path):
         raise ZeroDivisionError
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the state of a process is in /proc")
+def test_files_of_a_process_that_has_ended_but_is_still_listed_are_removed(tmp_path):
+    """A killed worker remains listed, as a zombie, until its parent or init has read its status."""
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    until(lambda: process_state(ended.pid) == "Z", "zombie")
+    left = tmp_path / f".x-{ended.pid}-0123456789ab.txt"
+    left.touch()
+    with written(tmp_path / "x.txt") as file:
+        file.write_text("new")
+    assert not left.exists()
+    ended.wait()
+    assert process_state(ended.pid) == ""
 
 
 def test_files_of_a_killed_process_are_removed_by_the_next(tmp_path):
