@@ -162,8 +162,8 @@ typedef struct {
         NONNEGATIVE(spin_accel, "rad/s2",                                                         \
                     "largest acceleration of the change to turning with T; 0: no limit"),         \
         SWITCH(use_optimal,                                                                       \
-               "1: the fuel-optimal law commands the force in phases far to hold 3, from the "    \
-               "fly-around on only if its range is R_2"),                                         \
+               "1: the fuel-optimal law commands the force in phases far to hold 2, and in "      \
+               "fly-around to hold 3 if the range of the fly-around is R_2"),                     \
         POSITIVE(far_time, "s", "duration of the fuel-optimal far approach, at most 1200 s"),     \
         SWITCH(abort_relative,                                                                    \
                "1: the retreat starts from the last valid state, propagated by free drift, "      \

@@ -1,5 +1,5 @@
 /* safety_monitor.c - monitoring of an approach: keep-out zone, corridor, speed, passive safety,
- * plume, escape; commands the abort.
+ * plume, navigation, escape; commands the abort.
  *
  *   1 keep-out    ellipsoid or box about the target, Hill or target axes
  *   2 corridor    cone about the direction of approach, Hill or target axes
@@ -7,8 +7,8 @@
  *   4 passive     the drift without thrust for the next passive_time stays outside the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
  *   6 navigation  no longer than lost_time without a valid relative state; with use_range a state
- *                 that disagrees with an independent range is invalid; with range_alone only
- *                 states that disagree with the range violate the rule
+ *                 that disagrees with an independent range is invalid; with range_alone the
+ *                 absence of states alone does not violate the rule, only such disagreement does
  *   7 escape      after an abort ordered now, the drift stays outside escape_radius for
  *                 escape_time, for all errors of the state within the bounds e_r, e_v and of the
  *                 burn within the bounds k_p, k_n
@@ -18,21 +18,21 @@
  * of the first sample hold until the second. Published margins are the least since the last
  * sample, never above the true least of the arc and below it by no more than 1e-7; a rule that is
  * off or does not apply has margin 1e9. Rule 4 is evaluated at samples that are passive_period or
- * more apart, and with passive_opens only while not approaching; if it fails, the instant of the
- * violation is found by bisection of the arc. Rule 7 is evaluated until the abort, at samples that
- * are escape_period or more apart. It is violated as soon as its margin is below escape_reserve,
- * while the escape is still certain.
+ * more apart; if it fails, the instant of the violation is found by bisection of the arc. With
+ * passive_opens = 1 it applies only while `approaching` is 0. Rule 7 is evaluated until the abort,
+ * at samples that are escape_period or more apart. It is violated as soon as its margin is below
+ * escape_reserve, while the escape is still certain.
  * The first violation of each rule is stored with its time; `abort` is latched.
  *
  * F_safe_S is F_cmd_S at every call, between samples too; after the abort, with act = 1, it is the
  * abort manoeuvre: abort_force along a velocity increment, until the increment is spent. The
  * increment is abort_dv_H if that is not zero. Else, with abort_relative = 1, it changes the
  * velocity as seen in H to abort_speed away from the target; the last valid state, propagated
- * without thrust until now, gives the velocity before. With abort_relative = 0 it is abort_speed
- * along the corridor axis as directed at the last valid state. While there is no valid state, and
- * before t_armed (filters settle), rules 1 to 5 and 7 are not evaluated, margins retain their
- * values, and the next valid state begins a new arc. At zero range the zone is violated, and the
- * margins of corridor and plume are zero. The adapter rejects inputs that are not finite.
+ * without thrust until now, gives the velocity before the burn. With abort_relative = 0 it is
+ * abort_speed along the corridor axis as directed at the last valid state. While there is no valid
+ * state, and before t_armed (filters settle), rules 1 to 5 and 7 are not evaluated, margins retain
+ * their values, and the next valid state begins a new arc. At zero range the zone is violated, and
+ * the margins of corridor and plume are zero. The adapter rejects inputs that are not finite.
  * Equations: docs/models.md G. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"

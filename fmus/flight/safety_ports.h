@@ -103,14 +103,15 @@ typedef struct {
         NONNEGATIVE(escape_reserve, "m",                                                           \
                     "margin below which rule escape is violated; elements: not approaching, "      \
                     "approaching"),                                                                \
-        NONNEGATIVE(e_r, "m", "largest error of the relative position, per axis"),                 \
-        NONNEGATIVE(e_v, "m/s", "largest error of the relative velocity, per axis"),               \
+        NONNEGATIVE(e_r, "m", "bound of the error of the relative position, per axis"),            \
+        NONNEGATIVE(e_v, "m/s", "bound of the error of the relative velocity, per axis"),          \
         NONNEGATIVE(k_p, "1",                                                                      \
-                    "largest error of the abort burn along its velocity increment, relative to "   \
+                    "bound of the error of the abort burn along its velocity increment, share of " \
                     "the increment"),                                                              \
-        NONNEGATIVE(k_n, "1",                                                                      \
-                    "largest error of the abort burn normal to its velocity increment, relative "  \
-                    "to the increment"),                                                           \
+        NONNEGATIVE(                                                                               \
+            k_n, "1",                                                                              \
+            "bound of the error of the abort burn normal to its velocity increment, share "        \
+            "of the increment"),                                                                   \
         NONNEGATIVE(r_max, "m",                                                                    \
                     "largest range at which rule escape bounds the path between two instants of "  \
                     "the prediction"),                                                             \

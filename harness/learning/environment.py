@@ -198,8 +198,8 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         return bool(self._error)
 
     def values(self) -> tuple[float, ...]:
-        """Return the values of the scoring (Scoring.values) in the last recorded row. Macro steps
-        that are not recorded are not evaluated.
+        """Return reward, cost so far, end, intervention and the further values of Scoring in the
+        last recorded row. Macro steps that are not recorded are not evaluated.
         """
         recorder, clock = self.simulation.recorder, self.simulation.clock
         done, every = recorder.done, recorder.every

@@ -45,7 +45,7 @@ def _length(x: Sequence[str]) -> str:
 
 
 def _angle(q: Sequence[str], p: Sequence[str]) -> str:
-    """Return the angle between quaternions as in harness.results.expressions."""
+    """Return the text of the angle between two quaternions [rad]; q, p: texts of their elements."""
     lengths = (_length([f"{a} {sign} {b}" for a, b in zip(q, p, strict=True)]) for sign in "-+")
     return f"4 * atan2(*sorted(({', '.join(lengths)})))"
 

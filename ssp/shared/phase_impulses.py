@@ -64,9 +64,10 @@ class PhaseBounds:
         """Simulate the system and return the least impulses of the phases of this run, None if the
         system lacks a variable or a parameter.
 
-        cost: `sum` or `norm`; grid: step of the convex problems [s] (None: the steps of the
-        mission); without: names of constraints to leave out. Raises UsageError, RunError, and
-        HarnessError if there is no optimum.
+        cost: `sum` of the magnitudes of the force along the axes, or `norm` of the force; grid:
+        step of the convex problems [s] (None: the steps of the mission); without: names of
+        constraints to leave out. Raises UsageError, RunError, and HarnessError if there is no
+        optimum.
         """
         run = simulated(system, self.needs, self.parameters, self.every)
         if run is None:
@@ -142,9 +143,11 @@ are not convex are replaced by convex ones along the best path so far.
 
 
 def phase_optimum(phase: Phase, cost: str = "sum", without: Collection[str] = ()) -> Optimum:
-    """Return the best of PASSES solutions of a phase; raise HarnessError if it has none.
+    """Return the best of PASSES solutions of a phase, or the only one if all its constraints are
+    convex; raise HarnessError if it has none.
 
-    cost: `sum` or `norm`; without: names of constraints that are left out.
+    cost: `sum` of the magnitudes of the force along the axes, or `norm` of the force; without:
+    names of constraints that are left out.
     """
     best = solve(reduced(phase.problem, without), cost)
     for _ in range(PASSES - 1):

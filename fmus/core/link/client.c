@@ -107,7 +107,8 @@ static const char *text_of_trouble(unsigned status)
     switch (status) {
     case NO_COMPONENT: return "the board has no such component";
     case NO_SESSION: return "the board has restarted and lost the state of the component";
-    case MALFORMED: return "the request is not valid, or its answer exceeds PAYLOAD_LIMIT";
+    case MALFORMED:
+        return "the request is not valid, or its answer needs a larger PAYLOAD_LIMIT at both ends";
     default: return "the board has rejected the request";
     }
 }
