@@ -69,8 +69,9 @@ void release(const Instance *instance, void *memory)
 
 enum { FINDING_SIZE = NAME_SIZE + 400 }; /* text: name, value, rule, description of an output */
 
-/* returns row i of the variables of the model, followed by its connected inputs (`checked`), whose
- * rules are checked with the outputs; NULL if i is beyond the last row */
+/* returns row i of one list: the variables of the model, then, in a fused system, the inputs that it
+ * connects inside (`checked`, listed as outputs, so that their rules are checked); NULL if i is
+ * beyond the last row */
 static const Variable *checked_row(size_t i)
 {
     const size_t beyond = i - fmu_model.variable_count;
