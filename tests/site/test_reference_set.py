@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import shutil
 import zipfile
 
 import numpy as np
@@ -61,6 +62,18 @@ def test_the_archive_has_systems_traces_and_reasons(unpacked):
         limits = list(csv.DictReader(file))
     assert [row["variable"] for row in limits] == head[1:]
     assert all(row["reason"] and float(row["tolerance"]) >= 0 for row in limits)
+
+
+def test_a_variable_without_a_tolerance_is_named(unpacked, tmp_path, capsys):
+    for name in (f"{SYSTEM}.csv", "tolerances.csv"):
+        shutil.copy(unpacked / "traces" / name, tmp_path)
+    head, _ = rows_of(tmp_path / f"{SYSTEM}.csv")
+    limits = tmp_path / "tolerances.csv"
+    lines = limits.read_text(encoding="utf-8").splitlines(keepends=True)
+    limits.write_text("".join(x for x in lines if f"{head[2]}," not in x), encoding="utf-8")
+    trace = str(tmp_path / f"{SYSTEM}.csv")
+    assert script("compare").main([trace, trace]) == 2
+    assert capsys.readouterr().err == f"tolerances.csv: has no row for {SYSTEM}, {head[2]}\n"
 
 
 def test_rows_of_a_specimen_are_compared_without_tolerance(unpacked, tmp_path, capsys):

@@ -140,6 +140,17 @@ def test_an_fmu_outside_the_archive_is_not_reached(write, fmus):
     ]
 
 
+def test_parameters_outside_the_archive_are_not_read(write, tmp_path):
+    """No line states the content of the file, which is no XML."""
+    (tmp_path / "secret.ssv").write_text("secret")
+    outside = f"../../../../../../..{tmp_path}/secret.ssv"
+    begin, end = SSD.index("<d:ParameterBinding>"), SSD.index("</d:ParameterBindings>")
+    text = SSD[:begin] + f'<d:ParameterBinding source="{outside}"/>' + SSD[end:]
+    assert complaints(write(text)) == [
+        f"third_party.ssp: component twice: {outside} is not in the archive"
+    ]
+
+
 def test_external_entities_and_document_types_are_rejected(write, tmp_path):
     (tmp_path / "secret.txt").write_text("secret")
     entity = f'<!DOCTYPE x [<!ENTITY s SYSTEM "file://{tmp_path}/secret.txt">]>'

@@ -226,3 +226,13 @@ def test_files_that_differ_in_a_repeated_run_are_named(begun, caplog):
     names = ("light.toml", "one.py")
     text = "has changed since run 1 of c.zarr"
     assert caplog.messages == [f"{name}: {text}" for name in names]
+
+
+def test_a_run_of_another_system_is_rejected_as_it_was_typed(begun):
+    """Although a file has changed, about which there is a line of its own."""
+    with inside(begun):
+        before = Path("parts/one.py").read_text()
+        change(Path("parts/one.py"))
+        with pytest.raises(UsageError, match=r"^--like c\.zarr#1: this run is of .*sync_approach$"):
+            like("c.zarr#1", "sync_approach")
+        Path("parts/one.py").write_text(before)
