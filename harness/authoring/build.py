@@ -71,8 +71,8 @@ def _source(path: Path) -> Path:
     if there:
         raise UsageError(f"{path}: contains {there[0].name} and {there[1].name}; name one file")
     raise UsageError(
-        f"{path}: expected a .c or .py file, a policy .npz or .onnx, or a folder with "
-        f"{inside[0].name} or {inside[1].name}, which exists"
+        f"{path}: expected an existing .c or .py file, policy .npz or .onnx, or folder with "
+        f"{inside[0].name} or {inside[1].name}"
     )
 
 

@@ -91,8 +91,8 @@ class Assignments:
                 self.set(component, name, value)
         for name in odd:
             close = did_you_mean(name, sorted(known - {name}))
-            fault = f"expected a table per component, by the name of the component{close}"
-            self.problems.append(f"{name}: {fault}")
+            unknown = "" if name in known else ", and no component has this name"
+            self.problems.append(f"{name}: expected a table per component{unknown}{close}")
 
     def shared(self, name: str, value: Any, written: bool = False) -> None:
         """Set a parameter of every component that has a parameter `name`; written: whether the

@@ -32,11 +32,11 @@ def commands(result):
     return result["controller.F_cmd_S"]
 
 
-def late_run(board, late, steps_held, settle=True):
+def late_run(board, late, steps_held, settle=True, limits="deadline=0.02&timeout=20"):
     """A run in which the answer of step 5 comes after `steps_held` further steps."""
     release = threading.Event()
     with board(late_in(5, release)) as found, load(SYSTEM) as system:
-        place = f"{found.place}?deadline=0.02&timeout=20&late={late}"
+        place = f"{found.place}?{limits}&late={late}"
         with Simulation(system, on={"controller": place}, stop=2.0) as simulation:
             simulation.advance(to=4)
             if late == "wait":
@@ -74,6 +74,11 @@ def test_hold_retains_the_last_command_and_catches_up(board):
 def test_a_board_that_was_held_catches_up_with_the_steps_that_it_was_not_sent(board):
     found = commands(late_run(board, "hold", 3, settle=False))
     assert np.allclose(found[-1], commands(simulated("", 2.0))[-1], rtol=0.05)
+
+
+def test_hold_ends_the_run_when_the_answer_is_later_than_the_timeout(board):
+    with pytest.raises(RunError, match=r"no answer within the timeout of 1 s"):
+        late_run(board, "hold", 15, limits="deadline=0.2&timeout=1")
 
 
 def test_stop_ends_the_run_and_retains_its_rows(board):

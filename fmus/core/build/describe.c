@@ -29,8 +29,12 @@ static void check_row(size_t row)
     if (v->kind == GRID_ROW && (v->causality != PARAMETER_ROW || v->size != 1))
         report_fault(v->name,
                      "only a parameter of one element can be an internal step or a sample period");
-    if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns)
-        report_fault(v->name, "it must have 1 to 1000 elements, a whole multiple of its columns");
+    if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns) {
+        char text[80];
+        snprintf(text, sizeof text,
+                 "it must have 1 to %d elements, a whole multiple of its columns", VR_STRIDE);
+        report_fault(v->name, text);
+    }
     for (size_t i = 0; i < row; i++)
         if (strcmp(fmu_model.variables[i].name, v->name) == 0)
             report_fault(v->name, "the name is used twice");

@@ -37,9 +37,9 @@ static unsigned wait_for_step(Link *l)
     if (c->config.late == LATE_WAIT) return finish_exchange(l, wait_for_answer(c));
     if (c->config.late == LATE_HOLD && now_s() < c->sent + c->config.timeout)
         return hold_outputs(l);
-    snprintf(c->message, sizeof c->message,
-             "fmi2DoStep: no answer within the deadline of %g s (with late=hold: the timeout)",
-             c->config.late == LATE_HOLD ? c->config.timeout : c->config.deadline);
+    bool held = c->config.late == LATE_HOLD;
+    snprintf(c->message, sizeof c->message, "fmi2DoStep: no answer within the %s of %g s",
+             held ? "timeout" : "deadline", held ? c->config.timeout : c->config.deadline);
     return fmi2Error;
 }
 

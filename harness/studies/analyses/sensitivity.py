@@ -170,10 +170,10 @@ def sensitivity(definition: Any, output: str | Path, **how: Any) -> Study:
     entry, evaluator = prepared(Sensitivity, definition, how)
     of, groups = evaluator.columns(entry.of, slope=False), [*evaluator.groups.values()]
     count, per = _count(entry, len(groups))
-    method = {"morris": morris, "sobol": sobol}[entry.method]
+    method, made = {"morris": (morris, "paths"), "sobol": (sobol, "points")}[entry.method]
     numbers, effects = method(groups, evaluator.d, count, evaluator.plan.table.seed)
     if count * per != entry.runs:
-        evaluator.notify(f"{entry.method}: {count} paths or points x {per} = {count * per} runs")
+        evaluator.notify(f"{entry.method}: {count} {made} x {per} = {count * per} runs")
     with begun("sensitivity", evaluator, count * per, output, how) as driver:
         report_nominal(driver, of)
         margins, found = driver.evaluate(numbers), {}

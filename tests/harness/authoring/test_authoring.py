@@ -206,11 +206,11 @@ def test_a_compiler_may_have_arguments_and_an_fmu_another_file_name(twins, tmp_p
         ),
         (
             ["build", "nothing"],
-            "nothing: expected a .c or .py file, a policy .npz or .onnx, or a folder",
+            "nothing: expected an existing .c or .py file, policy .npz or .onnx, or folder",
         ),
         (
             ["build", "empty"],
-            "empty: expected a .c or .py file, a policy .npz or .onnx, or a folder",
+            "empty: expected an existing .c or .py file, policy .npz or .onnx, or folder",
         ),
         (["build", "both"], "both: contains both.c and both.py; name one file"),
         (["build", "bad.c", "-o", "x.so"], "--output x.so: expected a file NAME.fmu"),

@@ -158,9 +158,10 @@ def test_an_ssv_file_of_parameters_overrides_what_it_names(system, tmp_path):
         (
             "x.toml",
             "[thrd]\nk = 1\n",
-            r"x\.toml: thrd: expected a table per component, by the name of the component",
+            r"x\.toml: thrd: expected a table per component, and no component has this name",
         ),
         ("x.toml", "k = 1\n", r"x\.toml: k: expected a table per component"),
+        ("x.toml", "third = 1\n", r"x\.toml: third: expected a table per component(?!, and no)"),
         ("x.toml", "[third\n", "not a readable TOML file"),
         ("x.toml", "parameters = 3\n", "x.toml: parameters: must be a table of tables, one per"),
         (

@@ -419,7 +419,7 @@ def test_doubled_names_are_offered_once():
             "of elements",
         ),
         (["new", "my_pd"], "new my_pd: expected `harness new controller|sensor|plant|"),
-        (["build", "text.txt"], "text.txt: expected a .c or .py file"),
+        (["build", "text.txt"], "text.txt: expected an existing .c or .py file"),
         (["draw", "sync_approach", "-o", "x.docx"], "x.docx: a diagram is written as"),
         (["export", "sync_approach", "x.zip"], "x.zip: a system is written to NAME.ssp, NAME.fmu"),
         (["linearize", "servicer", "-o", "x.txt"], "--output x.txt: expected a file NAME.npz"),

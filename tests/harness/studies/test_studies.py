@@ -425,7 +425,7 @@ def test_runs_of_sobol_are_rounded_to_a_power_of_two_and_this_is_reported(system
     reported = []
     given = table(system, sensitivity={"of": "small", "method": "sobol", "runs": 20})
     study = sensitivity(given, tmp_path / "s.zarr", workers=0, notify=reported.append)
-    assert reported == ["sobol: 8 paths or points x 4 = 32 runs"]
+    assert reported == ["sobol: 8 points x 4 = 32 runs"]
     assert study.store.runs == 1 + 32
 
 
