@@ -30,43 +30,41 @@ typedef struct {
     double approaching, relative_valid;
 } FilterInput;
 
-#define FILTER_PARAMETERS                                                                          \
-    PARAMETER(                                                                                     \
-        filter, "1",                                                                               \
-        "0 none; backup where F_cmd_S is unsafe: 1 explicit simplex, 2 implicit; 3 least change"), \
-        NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),         \
-        POSITIVE(mass, "kg", "mass of the servicer, as known to the filter"),                      \
-        NONNEGATIVE(mass_error, "1", "true mass may differ from mass by this share, below 1"),     \
-        POSITIVE(F_max, "N", "force that is always available, per body axis"),                     \
-        NONNEGATIVE(a_dist, "m/s2", "bound on every acceleration that is not modelled"),           \
-        NONNEGATIVE(position_error, "m", "bound on the error of the relative position"),           \
-        NONNEGATIVE(velocity_error, "m/s", "bound on the error of the relative velocity"),         \
-        NONNEGATIVE(attitude_error, "rad", "bound on the error of the target's attitude"),         \
-        NONNEGATIVE(rate_error, "rad/s", "bound on the error of the target's rate"),               \
-        NONNEGATIVE(reaction, "s", "delay of the force plus the time constant of its lag"),        \
-        NONNEGATIVE(keep_out_radius, "m", "radius of the keep-out sphere; 0 = rule off"),          \
-        POSITIVE(brake_keep_out, "m/s2", "deceleration planned before the keep-out sphere"),       \
-        SWITCH(keep_out_opens, "1: keep-out and drift rules off if approaching = 1 (berthing)"),   \
-        SWITCH(use_corridor, "1: corridor rule applies if approaching = 1"),                       \
-        POSITIVE(corridor_half_angle, "rad", "half angle of the cone, below pi/2"),                \
-        PARAMETER(corridor_axis, "1", "unit vector from the apex outwards, target axes"),          \
-        PARAMETER(corridor_apex, "m", "apex, from the target's centre of mass, target axes"),      \
-        NONNEGATIVE(corridor_length, "m", "distance of the end plane from the apex; 0 = none"),    \
-        POSITIVE(brake_corridor, "m/s2", "deceleration planned before the corridor's faces"),      \
-        NONNEGATIVE(alpha_T_max, "rad/s2", "bound on the target's angular acceleration"),          \
-        SWITCH(use_speed_limit, "1: speed limit applies if approaching = 1"),                      \
-        POSITIVE(speed_at_zero, "m/s", "speed limit at range 0, as seen in the Hill frame"),       \
-        NONNEGATIVE(speed_slope, "1/s", "rise of the speed limit with the range"),                 \
-        NONNEGATIVE(speed_max, "m/s", "largest value of the speed limit, at any range"),           \
-        NONNEGATIVE(passive_time, "s",                                                             \
-                    "time for which free drift must miss the keep-out sphere; 0 = rule off"),      \
-        PARAMETER(passive_points, "1", "number of intervals of the predicted drift, 2 to 32"),     \
-        NONNEGATIVE(passive_margin, "m", "least distance of drift from the keep-out sphere"),      \
-        NONNEGATIVE(plume_range, "m", "range below which plume_force applies"),                    \
-        NONNEGATIVE(plume_force, "N", "largest thrust away from the target within plume_range"),   \
-        POSITIVE(recover_speed, "m/s", "speed of return where a rule is violated"),                \
-        NONNEGATIVE(dwell, "s",                                                                    \
-                    "filter = 1, 2: a command passes again after it was safe for this time"),      \
+#define FILTER_PARAMETERS                                                                        \
+    PARAMETER(filter, "1", "0 none, 1, 2 backup (explicit, implicit simplex), 3 least change"),  \
+        NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),       \
+        POSITIVE(mass, "kg", "mass of the servicer, as known to the filter"),                    \
+        NONNEGATIVE(mass_error, "1", "true mass may differ from mass by this share, below 1"),   \
+        POSITIVE(F_max, "N", "force that is always available, per body axis"),                   \
+        NONNEGATIVE(a_dist, "m/s2", "bound on every acceleration that is not modelled"),         \
+        NONNEGATIVE(position_error, "m", "bound on the error of the relative position"),         \
+        NONNEGATIVE(velocity_error, "m/s", "bound on the error of the relative velocity"),       \
+        NONNEGATIVE(attitude_error, "rad", "bound on the error of the target's attitude"),       \
+        NONNEGATIVE(rate_error, "rad/s", "bound on the error of the target's rate"),             \
+        NONNEGATIVE(reaction, "s", "delay of the force plus the time constant of its lag"),      \
+        NONNEGATIVE(keep_out_radius, "m", "radius of the keep-out sphere; 0 = rule off"),        \
+        POSITIVE(brake_keep_out, "m/s2", "deceleration planned before the keep-out sphere"),     \
+        SWITCH(keep_out_opens, "1: keep-out and drift rules off if approaching = 1 (berthing)"), \
+        SWITCH(use_corridor, "1: corridor rule applies if approaching = 1"),                     \
+        POSITIVE(corridor_half_angle, "rad", "half angle of the cone, below pi/2"),              \
+        PARAMETER(corridor_axis, "1", "unit vector from the apex outwards, target axes"),        \
+        PARAMETER(corridor_apex, "m", "apex, from the target's centre of mass, target axes"),    \
+        NONNEGATIVE(corridor_length, "m", "distance of the end plane from the apex; 0 = none"),  \
+        POSITIVE(brake_corridor, "m/s2", "deceleration planned before the corridor's faces"),    \
+        NONNEGATIVE(alpha_T_max, "rad/s2", "bound on the target's angular acceleration"),        \
+        SWITCH(use_speed_limit, "1: speed limit applies if approaching = 1"),                    \
+        POSITIVE(speed_at_zero, "m/s", "speed limit at range 0, as seen in the Hill frame"),     \
+        NONNEGATIVE(speed_slope, "1/s", "rise of the speed limit with the range"),               \
+        NONNEGATIVE(speed_max, "m/s", "largest value of the speed limit, at any range"),         \
+        NONNEGATIVE(passive_time, "s",                                                           \
+                    "time for which free drift must miss the keep-out sphere; 0 = rule off"),    \
+        PARAMETER(passive_points, "1", "number of intervals of the predicted drift, 2 to 32"),   \
+        NONNEGATIVE(passive_margin, "m", "least distance of drift from the keep-out sphere"),    \
+        NONNEGATIVE(plume_range, "m", "range below which plume_force applies"),                  \
+        NONNEGATIVE(plume_force, "N", "largest thrust away from the target within plume_range"), \
+        POSITIVE(recover_speed, "m/s", "speed of return where a rule is violated"),              \
+        NONNEGATIVE(dwell, "s",                                                                  \
+                    "filter = 1, 2: a command passes again after it was safe for this time"),    \
         SAMPLE_PERIOD
 
 #define FILTER_INPUTS                                                 \

@@ -12,14 +12,16 @@
  *   margin = min_j (dist(chord c_j c_j+1, 0) - k max(h_j, h_j+1) - s_j) - R_k
  *
  * or the margin of the burn where this is less: min(|rho|, r . rho/|rho|) - e_r |rho|_1/|rho| -
- * R_k; the path of the burn lies in the triangle rho, r, r + v T_b/2. R_k: escape_radius. h_j is
- * the largest displacement towards the target by errors within e_r, e_v, k_p, k_n, e_model; s_j
- * the largest distance of a path from its chord; k = sqrt(2/(1 + n_j . n_j+1)) covers the
- * directions between n_j and n_j+1. u is the axis if the servicer is inside the corridor and within
- * axis_radius. This dv is for abort_relative = 1; with 0, or with abort_dv_H, dv does not depend on
- * drho. m: mass; F: abort_force; e_r, e_v, k_p, k_n, e_model, r_max: parameters, bounds of errors
- * and range. Phi: transition matrices by the equations of Clohessy and Wiltshire, n = sqrt(mu/a^3):
- * no proof on an orbit with e > 0.01. docs/models.md G.10, G.11 */
+ * R_k; the path of the burn lies in the triangle rho, r, r + v T_b/2, whose third corner is not
+ * evaluated: it is nearer only if v points to the target, which abort_relative = 1 excludes; for
+ * other increments the margin of the burn is no proof. R_k: escape_radius. h_j is the largest
+ * displacement towards the target by errors within e_r, e_v, k_p, k_n, e_model; s_j the largest
+ * distance of a path from its chord; k = sqrt(2/(1 + n_j . n_j+1)) covers the directions between
+ * n_j and n_j+1. u is the axis if the servicer is inside the corridor and within axis_radius. This
+ * dv is for abort_relative = 1; with 0, or with abort_dv_H, dv does not depend on drho. m: mass; F:
+ * abort_force; e_r, e_v, k_p, k_n, e_model, r_max: parameters, bounds of errors and range. Phi:
+ * transition matrices by the equations of Clohessy and Wiltshire, n = sqrt(mu/a^3): no proof on an
+ * orbit with e > 0.01. docs/models.md G.10, G.11 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_ESCAPE_H
 #define SAFETY_ESCAPE_H

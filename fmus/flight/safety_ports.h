@@ -103,14 +103,14 @@ typedef struct {
         NONNEGATIVE(escape_reserve, "m",                                                           \
                     "margin below which rule escape is violated; elements: not approaching, "      \
                     "approaching"),                                                                \
-        NONNEGATIVE(e_r, "m", "bound of the error of the relative position, per axis"),            \
-        NONNEGATIVE(e_v, "m/s", "bound of the error of the relative velocity, per axis"),          \
+        NONNEGATIVE(e_r, "m", "bound on the error of the relative position, per axis"),            \
+        NONNEGATIVE(e_v, "m/s", "bound on the error of the relative velocity, per axis"),          \
         NONNEGATIVE(k_p, "1",                                                                      \
-                    "bound of the error of the abort burn along its velocity increment, share of " \
+                    "bound on the error of the abort burn along its velocity increment, share of " \
                     "the increment"),                                                              \
         NONNEGATIVE(                                                                               \
             k_n, "1",                                                                              \
-            "bound of the error of the abort burn normal to its velocity increment, share "        \
+            "bound on the error of the abort burn normal to its velocity increment, share "        \
             "of the increment"),                                                                   \
         NONNEGATIVE(r_max, "m",                                                                    \
                     "largest range at which rule escape bounds the path between two instants of "  \

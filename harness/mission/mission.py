@@ -223,8 +223,8 @@ class Scene(NamedTuple):
 class Steering(NamedTuple):
     """Task for an agent that replaces components and sets their outputs. open: replaced components;
     every: macro steps per action (0: period of the components); cost: expression whose increase is
-    the cost of a step; ends: conditions that end an episode; bounds: pairs (output, bound), for
-    outputs that no actuator limits.
+    the cost of a step; ends: conditions that end an episode; bounds: pairs (output, bound) for
+    outputs that no actuator limits; a bound is x for -x to x, or the smallest and largest value.
     """
 
     open: tuple[str, ...]
