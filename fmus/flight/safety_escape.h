@@ -11,10 +11,9 @@
  *           w_j = max(2 (|v| + e_v), 1.25 |c_j+1 - c_j|/D)
  *   margin = min_j (dist(chord c_j c_j+1, 0) - k max(h_j, h_j+1) - s_j) - R_k
  *
- * or the margin of the burn where this is less: min(|rho|, r . rho/|rho|) - e_r |rho|_1/|rho| -
- * R_k; the path of the burn lies in the triangle rho, r, r + v T_b/2, whose third corner is not
- * evaluated: it is nearer only if v points to the target, which abort_relative = 1 excludes; for
- * other increments the margin of the burn is no proof. R_k: escape_radius. h_j is the largest
+ * or the margin of the burn where this is less: min(rho . e, r . e, (r + v T_b/2) . e) - e_r |e|_1
+ * - R_k, e = rho/|rho|; the path of the burn lies in the triangle of rho, r and r + v T_b/2, the
+ * state at the end of the burn. R_k: escape_radius, chosen by `approaching`. h_j is the largest
  * displacement towards the target by errors within e_r, e_v, k_p, k_n, e_model; s_j the largest
  * distance of a path from its chord; k = sqrt(2/(1 + n_j . n_j+1)) covers the directions between
  * n_j and n_j+1. u is the axis if the servicer is inside the corridor and within axis_radius. This
@@ -82,7 +81,8 @@ typedef struct {
     double bend;      /* 3 n^2 r_max */
     double model;     /* e_model/2 */
     vec3 rho, r, v, dv;
-} EscapePath; /* rho: position when the abort is ordered; r, v: state after the burn */
+    vec3 end; /* position at the end of the burn */
+} EscapePath; /* rho: position when the abort is ordered; r, v: state from which the drift starts */
 
 typedef struct {
     vec3 c;
@@ -111,7 +111,8 @@ static inline EscapePath escape_path(const SafetyParameters *p, const RelativeSt
                         x->rho_H,
                         r,
                         v,
-                        dv};
+                        dv,
+                        add(r, scale(T_b / 2, v))};
 }
 
 static inline double sum_of_sizes(vec3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); }
@@ -137,13 +138,12 @@ static inline PathPoint first_point(const SafetyParameters *p, const EscapePath 
                        p->e_r * sum_of_sizes(e->r) / (range + LEAST_RANGE)};
 }
 
-/* lower bound of the range during the burn, for a velocity after the burn that does not point to
- * the target: least component along rho of the corners rho and r of the triangle that contains the
- * path of the burn, minus the position error. The third corner, r + v T_b/2, is not evaluated. */
+/* lower bound of the range during the burn: least component along rho of the corners rho, r and end
+ * of the triangle that contains the path of the burn, minus the position error */
 static inline double least_of_burn(const SafetyParameters *p, const EscapePath *e)
 {
-    double square = dot(e->rho, e->rho), along = dot(e->rho, e->r);
-    double least = along < square ? along : square;
+    double square = dot(e->rho, e->rho);
+    double least = smaller(square, smaller(dot(e->rho, e->r), dot(e->rho, e->end)));
     return (least - p->e_r * sum_of_sizes(e->rho)) / (sqrt(square) + LEAST_RANGE);
 }
 

@@ -156,6 +156,29 @@ def test_in_deep_space_the_drift_is_straight(fmu):
     assert unit.get("escape_dv") == pytest.approx(0.15)
 
 
+@pytest.mark.verifies("G.11-2")
+def test_margin_is_below_the_range_of_every_burn_in_deep_space(fmu, rng):
+    """First a burn that turns through 90 degrees: it comes within 8.9 m, although both tangents of
+    its path stay at 10 m.
+    """
+    p = ON | {"mu": 0, "e_r": 0, "e_v": 0, "k_p": 0, "k_n": 0, "e_model": 0, "r_max": 0}
+    T = np.sqrt(100 * np.hypot(40, 20) / 0.9)
+    turning = np.array(((10, 0, 0), (0, 20 / T, 0), (-40 / T, -20 / T, 0)))
+    assert np.isclose(range_of_burn(*turning), 8.854, atol=1e-3)
+    drawn = rng.normal(size=(20, 3, 3)) * np.array((20, 0.3, 0.3))[:, None]
+    for rho, drho, dv in (turning, *drawn):
+        unit = fmu("safety_monitor", p | {"abort_dv_H": dv})
+        unit.step(1, monitor.states(0, rho, drho, 0) | {"approaching": 0})
+        assert unit.get("escape_margin") + 12 <= range_of_burn(rho, drho, dv) + 1e-9
+
+
+def range_of_burn(rho, drho, dv):
+    """Least range during the burn of the increment dv by 0.9 N on 100 kg, without gravity."""
+    T_b = 100 * np.linalg.norm(dv) / 0.9
+    t = np.linspace(0, T_b, 2001)[:, None]
+    return np.linalg.norm(rho + drho * t + dv * t**2 / (2 * T_b), axis=1).min()
+
+
 def test_an_abort_that_drifts_freely_is_foreseen_as_the_drift(fmu):
     rho, drho = np.array((1.0, -30, 0.5)), np.array((0.01, 0.02, 0))
     p = Bounds(k_p=0, k_n=0)

@@ -70,8 +70,8 @@ def bound(p: Bounds, n, rho, drho, dv=None):
     """
     rho, drho = np.asarray(rho, float), np.asarray(drho, float)
     dv = increment(p, rho, drho) if dv is None else np.asarray(dv, float)
-    r = rho + drho * p.mass * size(dv) / p.abort_force / 2 if dv.any() else rho
-    v = drho + dv
+    T_b = p.mass * size(dv) / p.abort_force if dv.any() else 0.0
+    r, v = rho + drho * T_b / 2, drho + dv
     phi = transitions(n, TIMES)
     c = phi[:, :3, :3] @ r + phi[:, :3, 3:] @ v
     toward = c / size(c)[:, None]
@@ -86,7 +86,7 @@ def bound(p: Bounds, n, rho, drho, dv=None):
     least = distance_of_chord(c[:-1], c[1:]) - k * np.maximum(h[1:], h[:-1]) - s
     part = int(least.argmin())
     u = rho / size(rho)
-    burn = min(u @ rho, u @ r) - p.e_r * abs(u).sum()
+    burn = min(u @ rho, u @ r, u @ (r + v * T_b / 2)) - p.e_r * abs(u).sum()
     if burn < least.min():
         return burn, (0.0, 0.0)
     return least.min(), (TIMES[part], TIMES[part + 1])
