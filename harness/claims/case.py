@@ -101,7 +101,7 @@ def _component_differences(ours: Sequence[Slot], wanted: Sequence[Slot]) -> Iter
         elif own.fmu != slot.fmu:
             yield f"{slot.component} {own.fmu} instead of {slot.fmu}"
         elif own != slot:
-            yield f"{slot.component} with period {own.every}, latency {own.latency} macro steps"
+            yield f"{slot.component} (period, latency) {own[2:]} instead of {slot[2:]} macro steps"
 
 
 def _parameter_differences(result: Result, wanted: Result, free: Sequence[str]) -> Iterator[str]:

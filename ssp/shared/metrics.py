@@ -140,15 +140,6 @@ def _margin(rule: str, result: Result, _: Limits) -> float:
     return safety.least_margin(result, rule)
 
 
-def _violated(result: Result, _: Limits) -> float:
-    """Return the number of the first violated rule, 0: none."""
-    return float(result[safety.VIOLATED][-1])
-
-
-def _first_violation(result: Result, _: Limits) -> float:
-    return safety.first_violation(result)
-
-
 # ---- cost
 
 OFTEN = 20.0

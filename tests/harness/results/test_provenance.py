@@ -287,7 +287,10 @@ def about(*cases):
             {"swap": {"controller": "pid_controller"}},
             ["controller pid_controller instead of adaptive_controller"],
         ),
-        ({"latency": {"controller": 1}}, ["controller with period 1, latency 1 macro steps"]),
+        (
+            {"latency": {"controller": 1}},
+            ["controller (period, latency) (1, 1) instead of (1, 0) macro steps"],
+        ),
     ],
 )
 def test_differences_from_a_case_are_named(changes, words):
