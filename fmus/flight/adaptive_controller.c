@@ -83,12 +83,12 @@ static const Variable variables[] = {
     NONNEGATIVE(Gamma_m, "kg.s2/m2", "adaptation gain of the mass estimate"),
     POSITIVE(m_hat_0, "kg", "start value of the mass estimate"),
     NONNEGATIVE(K_att, "N.m",
-                "attitude gain per body axis; if equal for all axes, the Lyapunov function has no "
-                "jump at MRP switches"),
+                "attitude gain per body axis, torque -K_att epsilon/4 for small errors; equal on "
+                "all axes: no jump of the Lyapunov function at MRP switches"),
     NONNEGATIVE(P_att, "N.m.s", "rate gain, per body axis"),
     NONNEGATIVE(Gamma_eta, "kg.m2.s2",
                 "adaptation gains of the inertia estimates, order of eta_hat"),
-    PARAMETER(eta_hat_0, "kg.m2", "start value: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
+    PARAMETER(eta_hat_0, "kg.m2", "start value of eta_hat, elements in the same order"),
     NONNEGATIVE(Gamma_scale, "1", "factor on Gamma_eta"),
     SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
     PARAMETER(t_att, "s", "attitude control and its adaptation start at this time"),
@@ -117,11 +117,13 @@ static const Variable variables[] = {
     OUTPUT(wheel_accel_cmd, "rad/s2",
            "commanded wheel acceleration relative to the body (0 without use_wheels)"),
     OUTPUT(m_hat, "kg", "estimated mass"),
-    OUTPUT(eta_hat, "kg.m2", "estimated inertias: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
+    OUTPUT(eta_hat, "kg.m2",
+           "estimated inertia J of the servicer, wheels locked, and A of the wheels (momentum "
+           "A wheel_speed): J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
     OUTPUT(e1_H, "m", "position error rho - rho_ref, Hill axes"),
     OUTPUT(e2_H, "m/s", "velocity error, derivative of e1_H as seen in the Hill frame"),
     OUTPUT(epsilon, "1", "attitude error, modified Rodrigues parameters of S relative to D"),
-    OUTPUT(domega_S, "rad/s", "angular velocity error, servicer axes"),
+    OUTPUT(domega_S, "rad/s", "angular velocity minus reference angular velocity, servicer axes"),
     OUTPUT(F_cmd_H, "N", "commanded force, Hill axes"),
 };
 

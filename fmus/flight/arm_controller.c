@@ -100,12 +100,14 @@ static const Variable variables[] = {
     OUTPUT(joint_torque, "N.m", "torque at the joints"),
     FLAG(joint_lock, "1: the brakes are closed, equal for all joints"),
     OUTPUT(F_sum_S, "N", "force command with the feed-forward, body axes"),
-    OUTPUT(M_sum_S, "N.m", "torque command with the feed-forward, body axes"),
-    OUTPUT(wheel_accel_sum, "rad/s2", "commanded wheel acceleration with the feed-forward"),
+    OUTPUT(M_sum_S, "N.m", "torque command, with the feed-forward if use_wheels = 0, body axes"),
+    OUTPUT(wheel_accel_sum, "rad/s2",
+           "commanded wheel acceleration, with the feed-forward if use_wheels = 1"),
     OUTPUT(F_ff_S, "N", "feed-forward force"),
-    OUTPUT(M_ff_S, "N.m", "feed-forward torque"),
+    OUTPUT(M_ff_S, "N.m", "feed-forward torque about S, within M_ff_max"),
     FLAG(saturated, "1: the torque is at its limit, per joint"),
-    NONNEGATIVE_OUTPUT(joint_error, "rad", "largest error of a joint angle"),
+    NONNEGATIVE_OUTPUT(joint_error, "rad",
+                       "largest error of a joint angle; 0 while the brakes are closed"),
 };
 
 static void check(const Parameters *p, Problems *problems)

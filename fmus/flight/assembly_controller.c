@@ -49,28 +49,29 @@ static const Model start = {
 
 static const Variable variables[] = {
     ASSEMBLY_ROWS(assembly),
-    SWITCH(law, "1: corrected law with feed-forward; 0: law of the patent as printed"),
+    SWITCH(law, "1: corrected law with feed-forward; 0: law as printed in patent CN106020225A"),
     NONNEGATIVE(k1, "1/s",
                 "gain on the angular velocity, 2 zeta omega_c for the bandwidth omega_c"),
     NONNEGATIVE(k2, "1/s2", "gain on the attitude, 2 omega_c^2 for the bandwidth omega_c"),
     NONNEGATIVE(k2_printed, "N.m",
                 "gain on the attitude in the law of the patent as printed (law = 0)"),
-    SWITCH(use_plan_rate, "feed-forward momentum rate; 1: planned mean over the next sample; 0: "
-                          "from the model, at this sample"),
+    SWITCH(use_plan_rate, "feed-forward momentum rate; 1: from dh_ref_D, mean over the next "
+                          "sample; 0: from the model, at this sample"),
     SAMPLE_PERIOD,
 
     INPUT(q_SH, "1", "attitude of the base relative to H, scalar first"),
     INPUT(omega_SN_S, "rad/s", "angular velocity of the base relative to N, body axes"),
     INPUT(h_cmg_S, "N.m.s", "momentum of the gyros, body axes"),
     ROW_AS(INPUT_ROW, u, "arm_angle", arm.angle, 1, "rad",
-           "angle of the arm (module about its hinge)", ANY_VALUE),
+           "angle of the arm (module about its hinge), positive about +z", ANY_VALUE),
     ROW_AS(INPUT_ROW, u, "arm_rate", arm.rate, 1, "rad/s", "rate of the arm", ANY_VALUE),
     ROW_AS(INPUT_ROW, u, "arm_accel", arm.accel, 1, "rad/s2", "acceleration of the arm", ANY_VALUE),
     ATTITUDE_REFERENCE_ROWS(INPUT_ROW, u, ref),
 
     OUTPUT(hdot_cmd_S, "N.m", "commanded rate of change of the momentum of the gyros, body axes"),
-    OUTPUT(eps_e, "1", "attitude error, vector part of the quaternion"),
-    OUTPUT(domega_S, "rad/s", "error of the angular velocity, body axes"),
+    OUTPUT(eps_e, "1",
+           "attitude of the base relative to the reference, vector part of the quaternion"),
+    OUTPUT(domega_S, "rad/s", "angular velocity minus its reference, body axes"),
     OUTPUT(dh_S, "N.m.s", "momentum of the gyros minus h_ref_D, body axes"),
     ANGLE_OUTPUT(attitude_error, "angle of the attitude error"),
 };

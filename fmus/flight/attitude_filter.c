@@ -87,7 +87,8 @@ static const Variable variables[] = {
 
     OUTPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
     OUTPUT(omega_SN_S, "rad/s",
-           "angular velocity of the servicer relative to N, body axes; 0 if gyro_valid is 0"),
+           "mean angular velocity of the servicer relative to N over the last period, body axes; "
+           "0 if gyro_valid is 0"),
     OUTPUT(bias_hat_S, "rad/s", "estimated bias of the gyro, body axes"),
     NONNEGATIVE_OUTPUT(sigma_theta_S, "rad", "standard deviation of the attitude, body axes"),
     NONNEGATIVE_OUTPUT(sigma_bias_S, "rad/s", "standard deviation of the bias, body axes"),

@@ -40,16 +40,19 @@ static const Variable variables[] = {
     SWITCH(use_cluster, "1: gimbal rates by this law; 0: all gimbal rates are 0"),
     POSITIVE(h_w, "N.m.s", "momentum of the wheel of one gyro"),
     POSITIVE(gimbal_rate_max, "rad/s", "largest gimbal rate"),
-    NONNEGATIVE(lambda_0, "1", "damping lam of the inverse of A at a singularity"),
+    NONNEGATIVE(lambda_0, "1", "value of the output damping at a singularity"),
     NONNEGATIVE(k_null, "rad2/s", "gain of the null motion"),
     SAMPLE_PERIOD,
 
     INPUT(hdot_cmd_S, "N.m", "commanded rate of change of the momentum of the gyros, body axes"),
-    INPUT(gimbal_angle, "rad", "gimbal angles"),
+    INPUT(gimbal_angle, "rad",
+          "gimbal angles; gimbal axes: z, then five at atan(2) from z, azimuths 0, 72 .. 288 deg; "
+          "spin axes at 0: x, then in xy at azimuth + 90 deg"),
 
     OUTPUT(gimbal_rate_cmd, "rad/s", "commanded gimbal rates, per gyro"),
-    NONNEGATIVE_OUTPUT(singularity, "1", "sqrt(det A A^T) of the cluster, 0: singular"),
-    NONNEGATIVE_OUTPUT(damping, "1", "lam, damping of the inverse of A"),
+    NONNEGATIVE_OUTPUT(singularity, "1",
+                       "sqrt(det A A^T), A: torque axes of the six gyros; 0 = singular"),
+    NONNEGATIVE_OUTPUT(damping, "1", "damping of the inverse of A A^T: lambda_0 exp(-singularity)"),
     FLAG(rate_limited, "1: the rates are scaled down to the limit"),
     OUTPUT(hdot_missing_S, "N.m",
            "commanded rate of momentum minus the rate that the gimbal rates achieve, body axes"),

@@ -80,18 +80,18 @@ static const Variable variables[] = {
                 "force along -X at full throttle of all four brakes, which thrusters emulate"),
     NONNEGATIVE(relay_torque, "N.m",
                 "full torque of the attitude engines per axis, emulated by thrusters or wheels"),
-    MATRIX(A_w, "kg.m2", "inertia of the wheels about their axes, body axes"),
+    MATRIX(A_w, "kg.m2", "wheel inertia matrix: wheel speeds to wheel momentum in body axes"),
     SWITCH(far_wheels, "1: the wheels give the torque of law 1 (far approach), 0: the thrusters"),
     NONNEGATIVE(push_force, "N", "force along +X if push = 1, after contact"),
     NONNEGATIVE(blend_time, "s", "time constant of the change from law to law; 0 = immediate"),
     SAMPLE_PERIOD,
     POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
     NONNEGATIVE_AS("unload_on", unload.on, "1",
-                   "unloading begins at this share of wheel_speed_max off wheel_speed_ref "
-                   "(in law 1 with far_wheels = 0: above unload_off)"),
+                   "unloading begins when a wheel is this share of wheel_speed_max off "
+                   "wheel_speed_ref (law 1, far_wheels = 0: unload_off)"),
     NONNEGATIVE_AS("unload_off", unload.off, "1",
-                   "unloading ends at this share of wheel_speed_max off wheel_speed_ref "
-                   "(laws 1 to 3)"),
+                   "unloading ends when every wheel is within this share of wheel_speed_max of "
+                   "wheel_speed_ref"),
     NONNEGATIVE_AS("k_unload", unload.k, "1/s", "gain of the unloading in laws 1 to 3; 0: none"),
     NONNEGATIVE_AS("M_unload_max", unload.most, "N.m",
                    "largest torque of unloading in laws 1 to 3, per body axis"),
@@ -112,10 +112,12 @@ static const Variable variables[] = {
     INPUT(wheel_sync, "rad/s2", "wheel acceleration commanded by the synchronised approach"),
     INPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
     INPUT(wheel_stack, "rad/s2", "wheel acceleration commanded by law 4 (stack)"),
-    INPUT(M_unload_S, "N.m", "torque of the thrusters that unloads the wheels, servicer axes"),
+    INPUT(M_unload_S, "N.m",
+          "torque of the thrusters that unloads the wheels in law 4 (stack), servicer axes"),
     OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body; used if k_unload > 0"),
     OPTIONAL_SWITCH(prepare, "1: the wheels are brought to wheel_bias; used if k_unload > 0"),
-    OPTIONAL_INPUT(wheel_bias, "rad/s", "wheel speeds that a coming manoeuvre needs"),
+    OPTIONAL_INPUT(wheel_bias, "rad/s",
+                   "wheel speeds in place of wheel_speed_ref while prepare = 1"),
     OPTIONAL_INPUT(F_opt_S, "N", "force commanded by the fuel-optimal law, servicer axes"),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),

@@ -31,14 +31,19 @@ typedef struct {
 } FilterInput;
 
 #define FILTER_PARAMETERS                                                                        \
-    PARAMETER(filter, "1", "0 none, 1, 2 backup (explicit, implicit simplex), 3 least change"),  \
+    PARAMETER(filter, "1",                                                                       \
+              "0 none; 1, 2: F_cmd_S or a braking backup (explicit, implicit simplex); 3: "      \
+              "least change of F_cmd_S"),                                                        \
         NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),       \
         POSITIVE(mass, "kg", "mass of the servicer, as known to the filter"),                    \
         NONNEGATIVE(mass_error, "1", "true mass may differ from mass by this share, below 1"),   \
-        POSITIVE(F_max, "N", "force that is always available, per body axis"),                   \
+        POSITIVE(F_max, "N",                                                                     \
+                 "force limit per body axis, both directions; must always be available"),        \
         NONNEGATIVE(a_dist, "m/s2", "bound on every acceleration that is not modelled"),         \
-        NONNEGATIVE(position_error, "m", "bound on the error of the relative position"),         \
-        NONNEGATIVE(velocity_error, "m/s", "bound on the error of the relative velocity"),       \
+        NONNEGATIVE(position_error, "m",                                                         \
+                    "bound on the magnitude of the error of the relative position"),             \
+        NONNEGATIVE(velocity_error, "m/s",                                                       \
+                    "bound on the magnitude of the error of the relative velocity"),             \
         NONNEGATIVE(attitude_error, "rad", "bound on the error of the target's attitude"),       \
         NONNEGATIVE(rate_error, "rad/s", "bound on the error of the target's rate"),             \
         NONNEGATIVE(reaction, "s", "delay of the force plus the time constant of its lag"),      \
@@ -49,7 +54,9 @@ typedef struct {
         POSITIVE(corridor_half_angle, "rad", "half angle of the cone, below pi/2"),              \
         PARAMETER(corridor_axis, "1", "unit vector from the apex outwards, target axes"),        \
         PARAMETER(corridor_apex, "m", "apex, from the target's centre of mass, target axes"),    \
-        NONNEGATIVE(corridor_length, "m", "distance of the end plane from the apex; 0 = none"),  \
+        NONNEGATIVE(corridor_length, "m",                                                        \
+                    "distance from the apex of an end plane that must not be crossed outwards; " \
+                    "0 = none"),                                                                 \
         POSITIVE(brake_corridor, "m/s2", "deceleration planned before the corridor's faces"),    \
         NONNEGATIVE(alpha_T_max, "rad/s2", "bound on the target's angular acceleration"),        \
         SWITCH(use_speed_limit, "1: speed limit applies if approaching = 1"),                    \
@@ -60,8 +67,9 @@ typedef struct {
                     "time for which free drift must miss the keep-out sphere; 0 = rule off"),    \
         PARAMETER(passive_points, "1", "number of intervals of the predicted drift, 2 to 32"),   \
         NONNEGATIVE(passive_margin, "m", "least distance of drift from the keep-out sphere"),    \
-        NONNEGATIVE(plume_range, "m", "range below which plume_force applies"),                  \
-        NONNEGATIVE(plume_force, "N", "largest thrust away from the target within plume_range"), \
+        NONNEGATIVE(plume_range, "m", "range below which plume_force applies; 0 = rule off"),    \
+        NONNEGATIVE(plume_force, "N",                                                            \
+                    "largest force on the servicer away from the target within plume_range"),    \
         POSITIVE(recover_speed, "m/s", "speed of return where a rule is violated"),              \
         NONNEGATIVE(dwell, "s",                                                                  \
                     "filter = 1, 2: a command passes again after it was safe for this time"),    \
@@ -71,7 +79,8 @@ typedef struct {
     BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),   \
         INPUT(F_cmd_S, "N", "commanded force, servicer axes"),        \
         INPUT(approaching, "1", "1: corridor and speed limit apply"), \
-        INPUT(relative_valid, "1", "1: the estimates of target and servicer are valid")
+        INPUT(relative_valid, "1",                                    \
+              "1: the estimates of target and servicer are valid; 0: F_cmd_S passes unchanged")
 
 static inline void check_points(const FilterParameters *p, Problems *problems)
 {

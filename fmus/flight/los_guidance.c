@@ -71,12 +71,12 @@ static const Variable variables[] = {
     SWITCH(use_gravity_gradient, "1: the software models the gravity gradient on the target"),
     PARAMETER(p_T, "1", "unit vector from the target to the feature, target axes"),
     PARAMETER(sun_N, "1", "direction to the Sun, N axes, of any length"),
-    POSITIVE(rho_f, "m", "hovering distance from the target"),
+    POSITIVE(rho_f, "m", "hovering distance between the centres of mass, along p_T"),
     POSITIVE(force_scale, "kg", "mass by which F_cmd_S is divided to predict the acceleration"),
     PARAMETER(up_axis, "1", UP_AXIS_TEXT),
     POSITIVE(guard_angle, "rad",
-             "panel axis is held if the line of sight is within this angle of the Sun or its "
-             "opposite"),
+             "panel axis (Y of D) is held if the line of sight is within this angle of the Sun or "
+             "its opposite"),
     POSITIVE(elevation_limit, "rad",
              "magnitude of actual or desired elevation above which los_guard = 1"),
     NONNEGATIVE(range_limit, "m", "los_guard = 1 below this range"),

@@ -18,7 +18,7 @@ typedef struct { double gate, reset_after, age_max, acquire; } GateParameters;
 
 #define GATE_ROWS(member)                                                                          \
     NONNEGATIVE_AS("gate", member.gate, "1",                                                       \
-                   "largest sum of normalised squared residuals of a measurement"),                \
+                   "largest accepted normalised innovation squared, summed over all components"),  \
         NONNEGATIVE_AS(                                                                            \
             "reset_after", member.reset_after, "1",                                                \
             "rejections in a row after which the estimate is acquired anew; 0 = never"),           \

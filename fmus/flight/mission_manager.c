@@ -265,25 +265,27 @@ static const Variable variables[] = {
          "back-off|retreat|safe|aborted"),
     OUTPUT(t_phase, "s", "time at which the phase began"),
     MODE(reason, "reason for which the previous phase ended",
-         "its condition|abort|ground|navigation|propellant|error|too fast|time-out|attempts|force|"
-         "momentum|propellant ahead|only by arm"),
+         "end condition or failed attempt|abort|ground|navigation|propellant reserve|"
+         "axis or pointing error|too fast|time-out|attempts|too little force|too much momentum|"
+         "too little propellant|tumble too fast for probe"),
     NONNEGATIVE_OUTPUT(attempt, "1",
                        "attempts since the far approach began: matings, and final approaches "
                        "broken off by a time-out"),
-    MODE(select_force, "source of the force", "nobody|far|close|sync||retreat|optimal"),
-    MODE(select_torque, "source of the torque", "nobody|far|close|sync|stack"),
+    MODE(select_force, "source of the force", "none|far|close|sync||retreat|optimal"),
+    MODE(select_torque, "source of the torque", "none|far|close|sync|stack"),
     FLAG(active_far, "1: guidance and controller of the far approach are active"),
     FLAG(active_close, "1: guidance and controller of the closing are active"),
     FLAG(active_sync, "1: guidance and controller of the synchronised approach are active"),
     FLAG(active_stack, "1: guidance and controller of the stack are active"),
-    OUTPUT(L_ref, "m", "reference distance on the grasp axis"),
+    OUTPUT(L_ref, "m", "reference distance from the target; on the grasp axis from phase 5 on"),
     OUTPUT(dL_ref, "m/s", "rate of L_ref"),
     OUTPUT(ddL_ref, "m/s2", "acceleration of L_ref"),
     OUTPUT(q_VN, "1",
-           "attitude of V, a virtual target for the closing, relative to N, scalar first"),
+           "attitude of V relative to N, scalar first; V: virtual target of the closing, X to the "
+           "reference position"),
     OUTPUT(omega_VN_V, "rad/s", "angular velocity of V relative to N, V axes"),
-    FLAG(approaching,
-         "1: phases from final to back-off, in which the keep-out zone does not apply"),
+    FLAG(approaching, "1: phases 5 to 11, final to back-off; for the inputs approaching of "
+                      "safety_monitor and safety_filter"),
     FLAG(monitor_valid, "1: the safety monitor may use the relative state"),
     FLAG(latch_enable, "1: the latch is armed"),
     FLAG(release, "1: the latch releases; always 0, the manager never releases the target"),
@@ -291,19 +293,18 @@ static const Variable variables[] = {
     MODE(arm_mode_cmd, "commanded mode of the arm; 0 if by_arm = 0", "stow|deploy|grasp|rest"),
     NONNEGATIVE_OUTPUT(momentum, "N.m.s",
                        "angular momentum of servicer and target about their common centre of mass, "
-                       "without wheels"),
+                       "without spin of the wheels"),
     OUTPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
     OUTPUT(dv_left_N, "m/s", "velocity increment of the retreat that remains, N axes"),
     OUTPUT(clearance, "m", "least range of the drift after the retreat, as planned; -1: none yet"),
-    MODE(verdict,
-         "whether capture is possible, else the reason; yes if budget = 0; fixed after hold 2",
-         "yes|force|momentum|propellant ahead|only by arm"),
+    MODE(verdict, "whether capture is possible; 0 if budget = 0; fixed after hold 2",
+         "yes|too little force|too much momentum|too little propellant|tumble too fast for probe"),
     NONNEGATIVE_OUTPUT(dv_ahead, "m/s",
-                       "velocity increment for turning with the target in fly-around, final "
-                       "approach and mating"),
-    NONNEGATIVE_OUTPUT(
-        steer_max, "rad/s",
-        "largest rate of motion about the target, seen in T, that the force permits at this range"),
+                       "predicted velocity increment for turning with the target from fly-around "
+                       "to mating; fixed after hold 2"),
+    NONNEGATIVE_OUTPUT(steer_max, "rad/s",
+                       "largest steering rate about the target, seen in T, that F_axis permits at "
+                       "this range; at most w_steer"),
     FLAG(prepare, "1: the wheels are brought to wheel_bias, from the closing to the fly-around"),
     FLAG(spin, "1: the servicer may turn with the target; 0: it still waits in the fly-around"),
     OUTPUT(wheel_bias, "rad/s",

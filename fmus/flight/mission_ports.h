@@ -58,29 +58,37 @@ typedef struct {
 
 #define MISSION_PARAMETERS                                                                        \
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),            \
-        PARAMETER(p_T, "1", "unit vector from the target to the grasp point, target axes"),       \
+        PARAMETER(p_T, "1",                                                                       \
+                  "grasp axis: unit vector from the target's centre of mass to the grasp point, " \
+                  "target axes"),                                                                 \
         PARAMETER(line_angle, "rad",                                                              \
                   "angle of the line of hold points, from x (outward) to y (along track) of H"),  \
         POSITIVE(R_1, "m", "range of the first hold"),                                            \
         POSITIVE(R_2, "m",                                                                        \
                  "range of the second hold, and of the fly-around if budget = 0 (else R_around "  \
                  "to R_2)"),                                                                      \
-        POSITIVE(L_3, "m", "distance of the third hold, on the grasp axis"),                      \
+        POSITIVE(                                                                                 \
+            L_3, "m",                                                                             \
+            "distance of the third hold from the target's centre of mass, along the grasp axis"), \
         POSITIVE(L_end, "m",                                                                      \
-                 "commanded distance at the end of mating, behind the seat of the probe"),        \
-        NONNEGATIVE(tol_1, "m", "tolerance of R_1 on arrival; twice this during the first hold"), \
-        POSITIVE(v_1, "m/s", "largest speed at the first hold, as seen in H"),                    \
+                 "commanded distance at the end of mating; set below the distance with the "      \
+                 "probe seated"),                                                                 \
         NONNEGATIVE(                                                                              \
-            tol_2, "m",                                                                           \
-            "position tolerance at the second hold, range tolerance after the fly-around"),       \
+            tol_1, "m",                                                                           \
+            "range tolerance about R_1 to begin hold 1; twice this to leave it for the closing"), \
+        POSITIVE(v_1, "m/s", "largest speed to begin the first hold, as seen in H"),              \
+        NONNEGATIVE(tol_2, "m",                                                                   \
+                    "position tolerance at the second hold, range tolerance at the end of the "   \
+                    "fly-around"),                                                                \
         POSITIVE(v_2, "m/s",                                                                      \
-                 "largest speed at the second hold, seen in H, and after the fly-around, "        \
-                 "seen in T"),                                                                    \
+                 "largest speed at the second hold, seen in H, and at the end of the "            \
+                 "fly-around, seen in T"),                                                        \
         NONNEGATIVE(angle_2, "rad",                                                               \
                     "largest angle off the grasp axis at the end of the fly-around"),             \
         NONNEGATIVE(tol_3, "m", "position tolerance at the third hold, along and off the axis"),  \
         POSITIVE(v_3, "m/s", "largest speed at the third hold, as seen in T"),                    \
-        NONNEGATIVE(angle_3, "rad", "largest pointing error at the third hold"),                  \
+        NONNEGATIVE(angle_3, "rad",                                                               \
+                    "largest pointing error (angle from +X of S to -p_T) at the third hold"),     \
         NONNEGATIVE(rate_3, "rad/s", "largest rate relative to the target at the third hold"),    \
         POSITIVE(v_final, "m/s",                                                                  \
                  "peak speed of the final approach, and of backing off to the fly-around"),       \
@@ -91,9 +99,12 @@ typedef struct {
                  "fly-around"),                                                                   \
         NONNEGATIVE(capture_time, "s",                                                            \
                     "time from first contact after which an attempt has failed"),                 \
-        NONNEGATIVE(settle_rate, "rad/s", "largest rate of a stack at rest"),                     \
-        POSITIVE(v_retreat, "m/s", "speed of the retreat outwards"),                              \
-        POSITIVE(v_drift, "m/s", "speed of the retreat along the track"),                         \
+        NONNEGATIVE(settle_rate, "rad/s",                                                         \
+                    "largest angular rate at which the stack counts as at rest"),                 \
+        POSITIVE(v_retreat, "m/s", "speed of the retreat away from the target, as seen in H"),    \
+        POSITIVE(                                                                                 \
+            v_drift, "m/s",                                                                       \
+            "speed of the retreat along +-y of H; the sign with the larger clearance is chosen"), \
         POSITIVE(F_retreat, "N", "magnitude of the force during the retreat"),                    \
         NONNEGATIVE(R_safe, "m", "the retreat is over beyond this range"),                        \
         NONNEGATIVE(drift_time, "s", "time for which the drift after a retreat is predicted"),    \
@@ -102,7 +113,8 @@ typedef struct {
                     "time for which the condition to leave a phase must hold; elements: "         \
                     "phases 0 to 14"),                                                            \
         NONNEGATIVE(time_out, "s",                                                                \
-                    "longest duration of a phase; 0 = no limit; elements: phases 0 to 14"),       \
+                    "time after which a retreat or back-off ends a phase; 0 = never; elements: "  \
+                    "phases 0 to 14, used: 0 to 7, 11"),                                          \
         NONNEGATIVE(attempts, "1", "attempts to mate before the retreat"),                        \
         NONNEGATIVE(mass_dry, "kg", "mass of the servicer without propellant"),                   \
         NONNEGATIVE(reserve, "kg", "propellant below which the servicer retreats"),               \
@@ -114,11 +126,13 @@ typedef struct {
                     "largest distance off the grasp axis in phases 5 to 7, 11; elements: up to "  \
                     "L_3, rise per m beyond"),                                                    \
         NONNEGATIVE(angle_abort, "rad",                                                           \
-                    "largest pointing error in phases 5 to 7 and 11, and at the end of phase 4"), \
+                    "pointing error above which the servicer retreats from phases 5 to 7, 11, "   \
+                    "and phase 4 does not end"),                                                  \
         NONNEGATIVE(error_dwell, "s",                                                             \
                     "time above d_abort or angle_abort that leads to a retreat"),                 \
         NONNEGATIVE(v_0, "m/s",                                                                   \
-                    "speed limit at range 0; elements: phases 0 to 4; phases 5 to 7 and 11"),     \
+                    "speed limit at range 0, as seen in H; elements: phases 0 to 4; phases 5 to " \
+                    "7 and 11"),                                                                  \
         NONNEGATIVE(v_slope, "1/s",                                                               \
                     "rise of the speed limit with range, elements as v_0; in phases 4 to 7, 11 "  \
                     "plus the tumble rate"),                                                      \
@@ -127,22 +141,28 @@ typedef struct {
         SWITCH(by_arm,                                                                            \
                "1: mating is by the arm, which grasps from the third hold; 0: by the probe"),     \
         NONNEGATIVE(momentum_max, "N.m.s",                                                        \
-                    "largest angular momentum of both bodies at which they mate; 0 = no limit"),  \
+                    "largest value of output momentum for mating, and of its prediction at hold " \
+                    "2; 0 = no limit"),                                                           \
         NONNEGATIVE(budget, "1",                                                                  \
-                    "share of F_axis and wheel_speed_max for turning with the target; 0: no "     \
-                    "limit, no wheel bias"),                                                      \
-        POSITIVE(F_axis, "N", "thrust along +X, towards the target in the fly-around"),           \
+                    "share (0 to 1) of F_axis and wheel_speed_max for turning with the target; "  \
+                    "0: no limits, no wheel bias"),                                               \
+        POSITIVE(F_axis, "N",                                                                     \
+                 "available force on the servicer along its +X, which points to the target in "   \
+                 "the fly-around"),                                                               \
         POSITIVE(R_around, "m", "least range of the fly-around (needs budget > 0)"),              \
         NONNEGATIVE(w_steer, "rad/s",                                                             \
                     "largest rate of steering about the target in the fly-around"),               \
         NONNEGATIVE(steer_least, "rad/s",                                                         \
                     "capture only if thrust permits this rate of steering about the target "      \
                     "(needs budget > 0)"),                                                        \
-        NONNEGATIVE(rate_2, "rad/s", "largest relative rate after the fly-around; 0: no limit"),  \
+        NONNEGATIVE(rate_2, "rad/s",                                                              \
+                    "largest angular rate relative to the target at the end of the fly-around; "  \
+                    "0: no limit"),                                                               \
         NONNEGATIVE(rate_probe, "rad/s",                                                          \
                     "largest tumble rate for mating by probe (needs budget > 0); 0 = no limit"),  \
         POSITIVE(Isp, "s", "specific impulse of the thrusters"),                                  \
-        MATRIX(A_w, "kg.m2", "inertia of the wheels about their axes, servicer axes"),            \
+        MATRIX(A_w, "kg.m2",                                                                      \
+               "wheel inertia matrix: wheel speeds to wheel momentum in servicer axes"),          \
         POSITIVE(wheel_speed_max, "rad/s", "largest wheel speed, per wheel"),                     \
         NONNEGATIVE(bias_max, "1",                                                                \
                     "largest wheel bias as a share of wheel_speed_max; should be below "          \
@@ -152,10 +172,11 @@ typedef struct {
                     "share of wheel_speed_max"),                                                  \
         NONNEGATIVE(mass_T, "kg", "mass of the target as known to the software"),                 \
         MATRIX(J_T, "kg.m2", "inertia of the target as known to the software, target axes"),      \
-        MATRIX(J_S, "kg.m2", "inertia of the servicer as known to the software, servicer axes"),  \
+        MATRIX(J_S, "kg.m2",                                                                      \
+               "inertia of the servicer with wheels, as known to the software, servicer axes"),   \
         NONNEGATIVE(await_axis, "rad",                                                            \
-                    "turning with T begins when the angle off the grasp axis is this near its "   \
-                    "minimum; 0: at once"),                                                       \
+                    "turning with T begins when the grasp axis is within this of its least "      \
+                    "angle to the servicer; 0: at once"),                                         \
         POSITIVE(                                                                                 \
             spin_time, "s",                                                                       \
             "duration of the change from turning with H to turning with T, as in sync_guidance"), \
@@ -166,17 +187,16 @@ typedef struct {
                "fly-around to hold 3 if the range of the fly-around is R_2"),                     \
         POSITIVE(far_time, "s", "duration of the fuel-optimal far approach, at most 1200 s"),     \
         SWITCH(abort_relative,                                                                    \
-               "1: the retreat starts from the last valid state, propagated by free drift, "      \
-               "and follows the grasp axis up to axis_radius; 0: it does neither"),               \
+               "1: the retreat is planned with the last valid state propagated to now, along "    \
+               "the grasp axis up to axis_radius; 0: state not propagated, axis not used"),       \
         NONNEGATIVE(                                                                              \
             axis_radius, "m",                                                                     \
             "range up to which a retreat from phases 5 to 7 or 11 follows the grasp axis"),       \
         NONNEGATIVE(aim_radius, "m",                                                              \
-                    "the closing aims along a tangent of a sphere of this radius until near "     \
-                    "R_2; 0: at hold 2"),                                                         \
-        SWITCH(monitor_stack,                                                                     \
-               "1: the safety monitor uses the state in phases 8 to 10 too (its abort does not "  \
-               "end these phases, but its force acts)"),                                          \
+                    "the closing aims along a tangent of a sphere of this radius about the "      \
+                    "target until R_2 + 1 m; 0: at hold 2"),                                      \
+        SWITCH(monitor_stack, "value of monitor_valid in phases 8 to 10; 1: the monitor may "     \
+                              "abort, which ends none of them, but its force acts"),              \
         GRID(sample_period, "sample period of the software")
 
 #define MISSION_INPUTS                                                                           \
@@ -192,7 +212,7 @@ typedef struct {
         INPUT(soft, "1", "1: soft capture"), INPUT(hard, "1", "1: hard capture"),                \
         INPUT(done, "1", "1: the guidance of the stack has finished its profile"),               \
         OPTIONAL_INPUT(wheel_speed, "rad/s",                                                     \
-                       "wheel speeds relative to the body (needs budget > 0)")
+                       "wheel speeds relative to the body; used if budget > 0")
 
 /* ---- checks of parameters ---- */
 static inline void check_below(Problems *problems, const char *name, double value, double limit,

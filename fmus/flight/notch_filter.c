@@ -39,9 +39,12 @@ static const Variable variables[] = {
                 "frequency of each notch in torque and wheel acceleration; 0 = no such notch"),
     NONNEGATIVE(force_frequency, "rad/s",
                 "frequency of each notch in the force; 0 = no such notch"),
-    NONNEGATIVE(depth, "1", "damping ratio z of the zeros: gain depth/width at the frequency"),
-    NONNEGATIVE(width, "1",
-                "damping ratio Z of the poles: half of the relative width of the notch"),
+    NONNEGATIVE(
+        depth, "1",
+        "damping ratio of the zeros, for frequency and force_frequency: gain depth/width there"),
+    NONNEGATIVE(
+        width, "1",
+        "damping ratio of the poles, as for depth: half of the relative width of the notch"),
     GRID(sample_period, "sample period of the software, for which the notches are computed"),
 
     INPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),

@@ -81,7 +81,7 @@ static const Variable variables[] = {
     INPUT(fix_time, "s", "time at which the fix was taken"),
     INPUT(fix_valid, "1", "1: a fix was taken at fix_time"),
     INPUT(q_SN, "1", "estimated attitude of the servicer relative to N, scalar first"),
-    INPUT(F_cmd_S, "N", "force commanded since the last sample, body axes"),
+    INPUT(F_cmd_S, "N", "force commanded from the previous sample to this one, body axes"),
 
     OUTPUT(r_SN_N, "m", "position of the servicer, N axes"),
     OUTPUT(v_SN_N, "m/s", "velocity of the servicer, N axes"),

@@ -51,11 +51,12 @@ static const Model start = {
 
 static const Variable variables[] = {
     TRACKING_PARAMETERS(tracking),
-    POSITIVE(wheel_scale, "kg.m2", "torque per wheel acceleration (needs use_wheels = 1)"),
+    POSITIVE(wheel_scale, "kg.m2",
+             "torque per wheel acceleration, wheel axes = body axes; used if use_wheels = 1"),
     GAIN_ROWS(range, "1/s2", "1/s3", "1/s", ""),
     GAIN_ROWS(elevation, "m/s2", "m/s3", "m/s", ", per rad"),
     GAIN_ROWS(azimuth, "m/s2", "m/s3", "m/s", ", per rad"),
-    GAIN_ROWS(attitude, "N.m", "N.m/s", "N.m.s", ""),
+    GAIN_ROWS(attitude, "N.m", "N.m/s", "N.m.s", "; error: vector part of q_SD, rate: domega_S"),
 
     TRACKING_INPUTS,
 

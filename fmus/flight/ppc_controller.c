@@ -98,26 +98,27 @@ static const Model start = {
 #define CHANNEL_ROW(member, constant, unit, text)                                                \
     ROW_AS(PARAMETER_ROW, p, #member "." #constant, member.constant, 1, unit, #member ": " text, \
            POSITIVE_VALUE)
-#define CHANNEL_ROWS(member, unit, gain_unit)                                              \
-    CHANNEL_ROW(member, k, gain_unit,                                                      \
-                "gain, angles in rad; law 0 multiplies the unit by (unit of alpha_0)^2"),  \
-        CHANNEL_ROW(member, eta, "1", "weight of the mapped state s"),                     \
-        CHANNEL_ROW(member, lambda, "s",                                                   \
-                    "weight of the rate in the generalised state: error + lambda rate"),   \
-        CHANNEL_ROW(member, alpha_0, unit, "bound of the generalised state at the start"), \
-        CHANNEL_ROW(member, alpha_inf, unit, "final bound of the generalised state"),      \
-        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),                 \
-        CHANNEL_ROW(member, delta, "1",                                                    \
+#define CHANNEL_ROWS(member, unit, gain_unit)                                                  \
+    CHANNEL_ROW(member, k, gain_unit,                                                          \
+                "gain in u = -k p eta s/(1 - kappa), p by law or law_att; law 0 multiplies "   \
+                "the unit by (unit of alpha_0)^2"),                                            \
+        CHANNEL_ROW(member, eta, "1", "weight of the mapped state s, in u (see k) and kappa"), \
+        CHANNEL_ROW(member, lambda, "s",                                                       \
+                    "weight of the rate in the generalised state: error + lambda rate"),       \
+        CHANNEL_ROW(member, alpha_0, unit, "bound of the generalised state at the start"),     \
+        CHANNEL_ROW(member, alpha_inf, unit, "final bound of the generalised state"),          \
+        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),                     \
+        CHANNEL_ROW(member, delta, "1",                                                        \
                     "overshoot that the funnel allows, as a share of the bound, in (0, 1]")
 
 #define TELEMETRY_ROWS(member, suffix, whose)                                                    \
     TRACKING_OUTPUT("theta" suffix, member.theta, "1",                                           \
-                    whose ": generalised state divided by its bound", ANY_VALUE),                \
+                    whose ": generalised state divided by its bound, order as in z", ANY_VALUE), \
         TRACKING_OUTPUT("s" suffix, member.s, "1",                                               \
                         whose ": mapped state, theta mapped from its bounds to all numbers",     \
                         ANY_VALUE),                                                              \
-        TRACKING_OUTPUT("kappa" suffix, member.kappa, "1", whose ": barrier, below 1 by design", \
-                        NONNEGATIVE_VALUE),                                                      \
+        TRACKING_OUTPUT("kappa" suffix, member.kappa, "1",                                       \
+                        whose ": sum of eta s^2, below 1 by design", NONNEGATIVE_VALUE),         \
         TRACKING_OUTPUT("violation" suffix, member.violation, "1",                               \
                         whose ": 1: outside the funnel or kappa >= 1", ALARM_VALUE),             \
         TRACKING_OUTPUT("start_margin" suffix, member.start_margin, "1",                         \
@@ -128,13 +129,14 @@ static const Model start = {
 
 static const Variable variables[] = {
     TRACKING_PARAMETERS(tracking),
-    POSITIVE(wheel_scale, "kg.m2", "torque per wheel acceleration (needs use_wheels = 1)"),
+    POSITIVE(wheel_scale, "kg.m2",
+             "torque per wheel acceleration, wheel axes = body axes; used if use_wheels = 1"),
     SWITCH(position, "1: control of the position; 0: no force, its channels are not evaluated"),
     PARAMETER(law, "1",
-              "position: factor of the gain; 0: r = ds/dz, 1: 1/r, 2: r (alpha (1 + "
-              "delta)/4)^2"),
+              "position: factor p of the gain, with r = ds/dz: 0 = r, 1 = 1/r, "
+              "2 = r (alpha (1 + delta)/4)^2"),
     PARAMETER(law_att, "1",
-              "law of the attitude, values as for parameter law; 1 is not proven for attitude"),
+              "attitude: factor p of the gain, codes as for law; stability is not proven for 1"),
     CHANNEL_ROWS(range, "m", "1/s2"),
     CHANNEL_ROWS(elevation, "rad", "m/s2"),
     CHANNEL_ROWS(azimuth, "rad", "m/s2"),
@@ -146,7 +148,9 @@ static const Variable variables[] = {
     LOS_OUTPUTS("z", position.z, "m", "rad", "generalised state"),
     LOS_OUTPUTS("alpha", position.alpha, "m", "rad", "bound of the generalised state"),
     TELEMETRY_ROWS(position, "", "position"),
-    TRACKING_OUTPUT("z_att", attitude.z, "1", "attitude: generalised state", ANY_VALUE),
+    TRACKING_OUTPUT("z_att", attitude.z, "1",
+                    "attitude: generalised state e + lambda de/dt, e: vector part of q_SD",
+                    ANY_VALUE),
     TRACKING_OUTPUT("alpha_att", attitude.alpha, "1", "attitude: bound of the generalised state",
                     ANY_VALUE),
     TELEMETRY_ROWS(attitude, "_att", "attitude"),

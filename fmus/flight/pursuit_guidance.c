@@ -75,29 +75,32 @@ static const Model start = {
 static const Variable variables[] = {
     SWITCH(law,
            "speed law: 0 scalar along X (deep space only), 1 vector with coast, align and burn"),
-    SWITCH(att, "required attitude: 0 two turns as in the paper, 1 shortest arc"),
-    POSITIVE(k_q, "1/s", "gain from the transition quaternion q_DS to the required rate"),
-    NONNEGATIVE(omega_max, "rad/s", "largest required rate; 0 = no limit"),
-    NONNEGATIVE(zeta1, "m", "required range"),
+    SWITCH(att, "required attitude: 0 its Z axis is normal to X of N, 1 shortest arc from "
+                "the present"),
+    POSITIVE(k_q, "1/s", "gain of the required rate, which is 2 k_q times the vector part of q_DS"),
+    NONNEGATIVE(omega_max, "rad/s", "largest magnitude of the required rate vector; 0 = no limit"),
+    NONNEGATIVE(zeta1, "m",
+                "required range; if law = 0, the required speed beyond it is twice the target's"),
     NONNEGATIVE(zeta2, "m", "if law = 0: range up to which the required speed is the target's"),
     NONNEGATIVE(zhys, "m", "if law = 0: half width of the hysteresis about range zeta1"),
     SWITCH(text_speed, "if law = 0, range zeta2 to zeta1: 0 half the target's speed (paper's "
                        "formula), 1 full (its text)"),
     NONNEGATIVE(v_close, "m/s",
-                "if law = 1: limit of the closing speed (half to move away); 0: the target's speed "
-                "sets it"),
+                "if law = 1: limit of the closing speed (half to move away); 0: twice the "
+                "target's speed (once to move away)"),
     NONNEGATIVE(k_r, "1/s", "if law = 1: gain from range error to closing speed"),
     NONNEGATIVE(rho1, "m/s", "if law = 1: velocity error below which mode align returns to coast"),
     POSITIVE(rho2, "m/s", "if law = 1: velocity error from which mode coast changes to align"),
     POSITIVE(alpha_fire, "rad", "if law = 1: largest pointing error at ignition"),
     POSITIVE(omega_fire, "rad/s", "if law = 1: ignition below this angular rate of the servicer"),
     NONNEGATIVE(t_burn_min, "s", "if law = 1: a burn lasts longer than this time"),
-    POSITIVE(main_thrust, "N",
-             "if law = 1: nominal thrust along +X; the engine burns if F_S along X is above 1 % of "
-             "this"),
+    POSITIVE(
+        main_thrust, "N",
+        "if law = 1: nominal thrust along +X; a burn is detected from F_S along X above 1 % of "
+        "this"),
     POSITIVE(brake_thrust, "N",
-             "if law = 1: nominal thrust of all brakes; they burn if F_S along -X is above 1 % of "
-             "this"),
+             "if law = 1: nominal thrust of all brakes; a burn is detected from F_S along -X above "
+             "1 % of this"),
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
     NONNEGATIVE(frame_radius, "m",
                 "if mu > 0, the target's speed is relative to a point on a circular orbit "

@@ -98,9 +98,10 @@ static const Variable variables[] = {
               "position of the tracked point from the target's centre of mass, target "
               "axes"),
     POSITIVE(mass_hat, "kg", "mass of the servicer as known to the software"),
-    PARAMETER(rho_0_H, "m", "position relative to the target at the start, Hill axes"),
+    PARAMETER(rho_0_H, "m",
+              "position of the servicer relative to the target at the start, Hill axes"),
     PARAMETER(drho_0_H, "m/s",
-              "velocity relative to the target at the start as seen in the Hill "
+              "velocity of the servicer relative to the target at the start, as seen in the Hill "
               "frame"),
     PARAMETER(sigma_TN_0, "1",
               "attitude of the target at the start, modified Rodrigues parameters"),
@@ -108,24 +109,25 @@ static const Variable variables[] = {
     NONNEGATIVE_AS("sigma_rho_0", sigma_0.rho, "m",
                    "standard deviation of the position at the start, per axis"),
     NONNEGATIVE_AS("sigma_drho_0", sigma_0.drho, "m/s",
-                   "standard deviation of the velocity at the start, per axis"),
+                   "standard deviation of the velocity at the start and at acquisition, per axis"),
     NONNEGATIVE_AS("sigma_att_0", sigma_0.att, "rad",
                    "standard deviation of the attitude at the start, per axis"),
     NONNEGATIVE_AS("sigma_omega_0", sigma_0.omega, "rad/s",
-                   "standard deviation of the angular velocity at the start, per axis"),
+                   "standard deviation of the angular velocity at the start and at "
+                   "acquisition, per axis"),
     NONNEGATIVE_AS("sigma_inertia_0", sigma_0.inertia, "1",
-                   "standard deviation of J22, J33, J12, J13, J23 over J11 at "
-                   "the start; 0 = not estimated"),
+                   "standard deviation of inertia_hat at the start and at acquisition; "
+                   "not estimated if 0 and sigma_kappa = 0"),
     NONNEGATIVE_AS("sigma_p_0", sigma_0.p, "m",
-                   "standard deviation of p_GT_T at the start; 0 = not estimated"),
+                   "standard deviation of p_GT_T_hat at the start and at acquisition; "
+                   "not estimated if 0 and sigma_d = 0"),
     NONNEGATIVE_AS("sigma_acc_0", sigma_0.acc, "m/s2",
-                   "standard deviation of the differential acceleration at the "
-                   "start, per axis"),
+                   "standard deviation of a_hat_N at the start and at acquisition, per axis"),
     NONNEGATIVE_AS("sigma_a", model.sigma_a, "1",
                    "density of white acceleration noise, per axis, in m/s^1.5"),
     NONNEGATIVE_AS("sigma_thrust", model.sigma_thrust, "1",
-                   "noise density over thrust acceleration: relative error times sqrt(burn "
-                   "time), in s^0.5"),
+                   "noise of the thrust: its relative error times the root of the burn time, in "
+                   "s^0.5"),
     NONNEGATIVE_AS("sigma_alpha", model.sigma_alpha, "1",
                    "density of white angular acceleration noise of the target, per axis, in "
                    "rad/s^1.5"),
@@ -133,12 +135,13 @@ static const Variable variables[] = {
                    "random walk of the ratios of inertia, in 1/s^0.5"),
     NONNEGATIVE_AS("sigma_d", model.sigma_d, "1", "random walk of p_GT_T, per axis, in m/s^0.5"),
     NONNEGATIVE_AS("sigma_acc", model.sigma_acc, "1",
-                   "random walk of the differential acceleration, per axis, in m/s^2.5"),
+                   "random walk of a_hat_N, per axis, in m/s^2.5"),
     CAMERA_ROWS(pose.camera),
     POSE_NOISE_ROWS(pose.noise),
     NONNEGATIVE_AS("sigma_mount", pose.sigma_mount, "rad",
                    "uncertainty of the camera's attitude relative to N, per axis"),
-    SWITCH(use_time_stamp, "1: a pose belongs to its time stamp, 0: to the sample of its arrival"),
+    SWITCH(use_time_stamp,
+           "1: a pose is used as measured at pose_time, 0: at the sample of its arrival"),
     ROW_AS(PARAMETER_ROW, p, "resolve_flip", pose.resolve_flip, 1, "1",
            "1: a pose is turned by half a turn about flip_axis if that is nearer the "
            "estimate",
@@ -152,15 +155,16 @@ static const Variable variables[] = {
     INPUT(pose_time, "s", "time of the pose"),
     INPUT(pose_valid, "1", "1: a pose was measured at pose_time"),
     BODY_ROWS(INPUT_ROW, u, "S", "_hat", S, "servicer as estimated"),
-    INPUT(F_cmd_S, "N", "force commanded since the last sample, body axes"),
+    INPUT(F_cmd_S, "N", "force commanded from the previous sample to this one, servicer axes"),
 
     BODY_OUTPUTS("T", T, "target"),
-    BODY_OUTPUTS("S", S, "servicer, as read at the sample"),
+    BODY_OUTPUTS("S", S, "servicer as sampled from the inputs"),
     OUTPUT(inertia_hat, "1", "J22, J33, J12, J13, J23 of the target over J11"),
     OUTPUT(p_GT_T_hat, "m",
            "estimated position of the tracked point from the centre of mass, target "
            "axes"),
-    OUTPUT(a_hat_N, "m/s2", "differential acceleration that the model does not explain, N axes"),
+    OUTPUT(a_hat_N, "m/s2",
+           "estimated unmodelled acceleration of the servicer relative to the target, N axes"),
     NONNEGATIVE_OUTPUT(sigma_rho_N, "m", "standard deviation of the relative position, N axes"),
     NONNEGATIVE_OUTPUT(sigma_drho_N, "m/s", "standard deviation of the relative velocity, N axes"),
     NONNEGATIVE_OUTPUT(sigma_theta_T, "rad", "standard deviation of the attitude, target axes"),

@@ -84,16 +84,21 @@ static const Variable variables[] = {
 
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
-    INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
+    INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body; not used"),
     REFERENCE_ROWS(INPUT_ROW, u, ref),
     INPUT(translate, "1", "1: translational thrust permitted"),
     OPTIONAL_SWITCH(active, ACTIVE_TEXT),
 
-    NONNEGATIVE_OUTPUT(throttle, "1",
-                       "0 or 1; P1..P8 attitude, P'1..P'4 brakes, P'5 main engine; the rest is 0"),
+    NONNEGATIVE_OUTPUT(
+        throttle, "1",
+        "0 or 1; engines 1 to 8 give the torques +z -y -z +y -x +x -x +x, 9 to 12 brakes, 13 "
+        "main engine, the rest is 0"),
     FLAG(translation_firing, "1: main engine or brakes are commanded"),
-    OUTPUT(sigma_w, "1", "switching functions of rotation, body axes"),
-    OUTPUT(sigma_v, "m/s", "switching function of translation"),
+    OUTPUT(sigma_w, "1",
+           "switching functions of rotation, body axes; > 0: positive torque is required"),
+    OUTPUT(
+        sigma_v, "m/s",
+        "switching function of translation; > 0: main engine, < 0: brakes; 0 while translate is 0"),
     OUTPUT(domega_S, "rad/s", "required minus present angular velocity, servicer axes"),
     OUTPUT(e_v, "m/s", "required minus present velocity along X"),
 };

@@ -91,8 +91,8 @@ static const Variable variables[] = {
     MODE(relaxed, "first rule that was relaxed, only with filter = 3",
          "none|keep-out|corridor|speed|drift|plume|force limit"),
     OUTPUT(barrier, "1",
-           "gap left after braking: keep-out, corridor, speed [m/s], drift; range - "
-           "plume_range; 1e9: off"),
+           "gap after braking to keep-out and corridor, speed limit - speed [m/s], drift margin, "
+           "range - plume_range; 1e9: off"),
     ROW_AS(OUTPUT_ROW, y, "least_barrier", least, 1, "1",
            "per barrier: least value since the start", ANY_VALUE),
 };

@@ -107,7 +107,9 @@ static const Variable variables[] = {
 
     SAFETY_INPUTS,
 
-    MARGIN(KEEP_OUT, "keep_out", "m", "least margin of the keep-out zone since the last sample"),
+    MARGIN(KEEP_OUT, "keep_out", "m",
+           "least margin of the keep-out zone since the last sample; all margins: below 0 "
+           "violated, 1e9 not in force"),
     MARGIN(CORRIDOR, "corridor", "m", "least margin of the corridor since the last sample"),
     MARGIN(SPEED, "speed", "m/s", "least margin of the speed limit since the last sample"),
     MARGIN(PASSIVE, "passive", "m",

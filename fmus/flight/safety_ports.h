@@ -43,7 +43,8 @@ typedef struct {
         NONNEGATIVE(J2, "1", "second zonal harmonic of the planet"),                               \
         SWITCH(use_J2, "1: the oblateness acts on the predicted drift without thrust"),            \
         PARAMETER(keep_out_shape, "1", "keep-out zone: 0 = none, 1 = ellipsoid, 2 = box"),         \
-        SWITCH(keep_out_axes, "axes of the keep-out zone: 0 = Hill, 1 = target"),                  \
+        SWITCH(keep_out_axes, "axes of the keep-out zone: 0 = Hill, 1 = target (rule passive "     \
+                              "then uses the sphere around the zone)"),                            \
         SWITCH(keep_out_opens,                                                                     \
                "1: the keep-out zone does not apply while approaching (berthing)"),                \
         POSITIVE(keep_out_half, "m", "half axes of the keep-out zone: of an ellipsoid or a box"),  \
@@ -51,7 +52,8 @@ typedef struct {
         SWITCH(corridor_axes, "axes of the corridor: 0 = Hill, 1 = target"),                       \
         POSITIVE(corridor_half_angle, "rad", "half angle of the cone, below pi/2"),                \
         NONNEGATIVE(corridor_length, "m",                                                          \
-                    "length from the apex along the axis at which the corridor ends; 0 = no end"), \
+                    "distance from the apex along the axis beyond which the corridor sets no "     \
+                    "limit; 0 = no end"),                                                          \
         PARAMETER(corridor_axis, "1", "axis of the corridor: unit vector from the apex outwards"), \
         PARAMETER(corridor_apex, "m", "apex of the cone, from the target's centre of mass"),       \
         SWITCH(use_speed_limit, "1: the speed limit applies while approaching"),                   \
@@ -66,7 +68,8 @@ typedef struct {
         NONNEGATIVE(passive_period, "s",                                                           \
                     "time between predictions of the drift; 0 = at every sample"),                 \
         SWITCH(passive_opens, "1: the drift is not evaluated while approaching (berthing)"),       \
-        SWITCH(use_plume, "1: the exhaust must not meet the target"),                              \
+        SWITCH(use_plume, "1: the exhaust, a cone opposite to F_cmd_S, must not meet the "         \
+                          "target's centre of mass"),                                              \
         POSITIVE(plume_half_angle, "rad", "half angle of the exhaust, below pi/2"),                \
         POSITIVE(plume_range, "m", "distance beyond which the exhaust does no harm"),              \
         NONNEGATIVE(plume_force_min, "N", "force below which there is no plume"),                  \
@@ -80,16 +83,16 @@ typedef struct {
         POSITIVE(mass, "kg", "mass of the servicer as assumed for the abort manoeuvre"),           \
         NONNEGATIVE(abort_force, "N", "force of the abort manoeuvre; 0: free drift"),              \
         NONNEGATIVE(abort_speed, "m/s",                                                            \
-                    "abort_relative = 1: speed outwards after the abort; 0: increment along "      \
-                    "the corridor"),                                                               \
+                    "abort_relative = 1: speed away from the target after the abort, seen in H; "  \
+                    "0: increment along corridor_axis"),                                           \
         PARAMETER(abort_dv_H, "m/s",                                                               \
                   "fixed velocity increment of the abort, Hill axes; zero: abort_speed "           \
                   "applies"),                                                                      \
-        SWITCH(abort_relative,                                                                     \
-               "1: the abort leads to abort_speed outwards; 0: it adds abort_speed along "         \
-               "the corridor"),                                                                    \
+        SWITCH(abort_relative, "1: the abort leads to abort_speed away from the target; 0: it "    \
+                               "adds abort_speed along corridor_axis"),                            \
         NONNEGATIVE(axis_radius, "m",                                                              \
-                    "range up to which an abort inside the corridor follows the corridor's axis"), \
+                    "range up to which an abort in the corridor follows its axis, and rule "       \
+                    "escape is off while approaching"),                                            \
         NONNEGATIVE(abort_time, "s",                                                               \
                     "an abort is ordered at this time, as a rehearsal; 1e30: never"),              \
         NONNEGATIVE(escape_time, "s",                                                              \

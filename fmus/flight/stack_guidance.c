@@ -57,16 +57,19 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    MATRIX(J_stack, "kg.m2", "inertia of the stack about its centre of mass, servicer axes"),
+    MATRIX(J_stack, "kg.m2",
+           "inertia of the stack with wheels about its centre of mass, servicer axes"),
     MATRIX(A_w, "kg.m2", "wheel inertia matrix: wheel speeds to wheel momentum in body axes"),
     POSITIVE(wheel_accel_max, "rad/s2", "largest wheel acceleration, per wheel"),
     POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
     POSITIVE(torque_share, "1", "share of the wheels' torque that the profile may use"),
     POSITIVE(duration_min, "s", "shortest duration of the profile"),
-    NONNEGATIVE_AS("unload_on", unload.on, "1",
-                   "unloading begins at this share of wheel_speed_max"),
+    NONNEGATIVE_AS(
+        "unload_on", unload.on, "1",
+        "unloading begins when a wheel is this share of wheel_speed_max off wheel_speed_ref"),
     NONNEGATIVE_AS("unload_off", unload.off, "1",
-                   "unloading ends at this share of wheel_speed_max"),
+                   "unloading ends when every wheel is within this share of wheel_speed_max of "
+                   "wheel_speed_ref"),
     NONNEGATIVE_AS("k_unload", unload.k, "1/s",
                    "gain of unloading: torque per wheel momentum to remove"),
     NONNEGATIVE_AS("M_unload_max", unload.most, "N.m",

@@ -82,11 +82,12 @@ static const Variable variables[] = {
         "distances at which phases 1 and 2 end, one element each; 0 = the phase does not end"),
     PARAMETER(t_abort, "s", "no force from this time on"),
     NONNEGATIVE(F_max, "N", "largest commanded force per body axis; 0 = no limit"),
-    NONNEGATIVE(K_att, "N.m", "attitude gain per body axis"),
+    NONNEGATIVE(K_att, "N.m", "attitude gain per body axis, on the vector part of q_SD"),
     NONNEGATIVE(P_att, "N.m.s", "rate gain per body axis"),
     NONNEGATIVE(M_max, "N.m", "largest commanded torque per body axis; 0 = no limit"),
     SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
-    POSITIVE(wheel_scale, "kg.m2", "torque per wheel acceleration, used if use_wheels = 1"),
+    POSITIVE(wheel_scale, "kg.m2",
+             "torque per wheel acceleration, wheel axes = body axes; used if use_wheels = 1"),
     PARAMETER(t_att, "s", "no attitude control before this time"),
     SAMPLE_PERIOD,
 
@@ -98,12 +99,14 @@ static const Variable variables[] = {
     FLAG(F_saturated, "1: the force of this body axis is cut to F_max"),
     OUTPUT(rho_H, "m", "position of the servicer relative to the target, Hill axes"),
     OUTPUT(drho_H, "m/s", "derivative of rho_H as seen in the Hill frame"),
-    OUTPUT(e_H, "m", "position error, Hill axes"),
+    OUTPUT(e_H, "m", "position error rho_H - rho_ref, Hill axes"),
     OUTPUT(de_H, "m/s", "derivative of e_H as seen in the Hill frame"),
     OUTPUT(q_SD, "1", "attitude of the servicer relative to its reference, scalar first"),
     MODE(phase, "phase of the approach", "|thrust 1|thrust 2|thrust 3|passive"),
-    FLAG(approaching,
-         "1: the last phase with thrust (0: an earlier phase, passive, or the input active is 0)"),
+    FLAG(
+        approaching,
+        "1: last phase with thrust, the first with switch_distance 0, else 3 (0: an earlier phase, "
+        "passive, or the input active is 0)"),
 };
 
 /* H.1-6 */

@@ -76,8 +76,8 @@ static const Variable variables[] = {
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
     MATRIX(J_T, "kg.m2", "inertia of the target as known to the software, body axes"),
     PARAMETER(p_T, "1", "unit vector from the target to the grasp point, target axes"),
-    POSITIVE(rho_M, "m", "final distance on the grasp axis"),
-    POSITIVE(rho_0, "m", "distance at t = 0"),
+    POSITIVE(rho_M, "m", "final distance between the centres of mass, on the grasp axis"),
+    POSITIVE(rho_0, "m", "distance between the centres of mass at t = 0, on the grasp axis"),
     NONNEGATIVE(beta, "1/s", "rate of the exponential approach"),
     SWITCH(know_M_dist,
            "1: the disturbance torque M_dist_T on the target is known; no effect with frame = 1"),
@@ -94,17 +94,20 @@ static const Variable variables[] = {
     SAMPLE_PERIOD,
     SWITCH(range_input,
            "1: the distance on the grasp axis is L_ref, 0: it follows from rho_0, rho_M and beta"),
-    SWITCH(frame,
-           "1: D is a carried frame for a fly-around (needs range_input = 1), 0: D of the paper"),
+    SWITCH(
+        frame,
+        "0: X of D is on the grasp axis, to the target; 1: carried frame: X starts on the line of "
+        "sight and is steered there (needs range_input = 1)"),
     POSITIVE_AS(
         "spin_time", steering.spin_time, "s",
         "carried frame: duration of the change from turning with H to turning with the target"),
     NONNEGATIVE_AS("k_steer", steering.k_steer, "1/s",
-                   "carried frame: steering rate per angle off the grasp axis"),
+                   "carried frame: steering rate per sine of the angle off the grasp axis"),
     NONNEGATIVE_AS("w_steer", steering.w_steer, "rad/s", "carried frame: largest steering rate"),
     NONNEGATIVE_AS(
         "k_integral", steering.k_integral, "1/s2",
-        "carried frame: integral gain of the steering rate, per angle off the grasp axis"),
+        "carried frame: integral gain of the steering rate, per sine of the angle off the grasp "
+        "axis"),
     NONNEGATIVE_AS(
         "spin_accel", steering.spin_accel, "rad/s2",
         "carried frame: largest spin-up acceleration, lengthens spin_time; 0 = no limit"),
@@ -116,12 +119,13 @@ static const Variable variables[] = {
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
     OPTIONAL_SWITCH(active, ACTIVE_TEXT),
-    OPTIONAL_INPUT(L_ref, "m", "distance on the grasp axis, used if range_input = 1"),
+    OPTIONAL_INPUT(L_ref, "m", "distance between the centres of mass, used if range_input = 1"),
     OPTIONAL_INPUT(dL_ref, "m/s", "rate of L_ref, used if range_input = 1"),
     OPTIONAL_INPUT(ddL_ref, "m/s2", "acceleration of L_ref, used if range_input = 1"),
     OPTIONAL_NONNEGATIVE(steer_max, "rad/s", "largest steering rate, used if steer_input = 1"),
-    OPTIONAL_SWITCH(spin,
-                    "1: the carried frame begins to turn with the target, used if spin_input = 1"),
+    OPTIONAL_SWITCH(
+        spin, "1: the carried frame begins to turn with the target, until active is 0; used if "
+              "spin_input = 1"),
     OPTIONAL_INPUT(inertia_hat, "1",
                    "J22, J33, J12, J13, J23 of the target over J11, used if use_inertia_hat = 1"),
 

@@ -82,15 +82,21 @@ static const Variable variables[] = {
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
     MATRIX(J_hat, "kg.m2",
            "inertia of the servicer as known to the software, wheels locked, body axes"),
-    MATRIX(A_hat, "kg.m2", "wheel inertia matrix as known to the software"),
+    MATRIX(A_hat, "kg.m2",
+           "matrix from wheel speeds to wheel momentum in body axes, as known to the software"),
     WEIGHT_ROWS(range, "1/s4", "1/s2", "1", ""),
     ANGLE_WEIGHTS(elevation),
     ANGLE_WEIGHTS(azimuth),
-    WEIGHT_ROWS(attitude, "N2.m2", "N2.m2.s2", "1", ", angles in rad"),
-    NONNEGATIVE(k_1, "1",
-                "position: part of the correction T1 that is suppressed at the start, at most 1"),
-    NONNEGATIVE(k_2, "1",
-                "position: part of the correction T2 that is suppressed at the start, at most 1"),
+    WEIGHT_ROWS(attitude, "N2.m2", "N2.m2.s2", "1",
+                "; error: vector part of q_SD, rate: domega_S, control: torque"),
+    NONNEGATIVE(
+        k_1, "1",
+        "position: share of T1, first correction of the expansion, suppressed at the start; at "
+        "most 1"),
+    NONNEGATIVE(
+        k_2, "1",
+        "position: share of T2, second correction of the expansion, suppressed at the start; at "
+        "most 1"),
     NONNEGATIVE(l_1, "1/s", "position: rate at which the suppression of T1 decays"),
     NONNEGATIVE(l_2, "1/s", "position: rate at which the suppression of T2 decays"),
     NONNEGATIVE(k_att, "1",

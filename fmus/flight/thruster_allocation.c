@@ -70,7 +70,7 @@ static const Variable variables[] = {
     SWITCH(pulsed, "0: continuous throttles, 1: pulse-width modulation"),
     POSITIVE(pulse_period, "s", "period of the pulses, a multiple of sample_period"),
     NONNEGATIVE(min_on_time, "s", "shortest pulse"),
-    SAMPLE_PERIOD_AS(sample_period, "at every call (if pulsed = 0)"),
+    SAMPLE_PERIOD_AS(sample_period, "at every communication step (if pulsed = 0)"),
     SWITCH(lost, "1: known to have failed, not used from lost_from on; per thruster"),
     PARAMETER(lost_from, "s", "thrusters with lost = 1 are not used from this time on"),
 
@@ -80,10 +80,11 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(throttle, "1",
                        "commanded part of the nominal thrust, per thruster; 0 or 1 with pulses"),
     FLAG(infeasible, "1: the command is out of reach"),
-    NONNEGATIVE_OUTPUT(scale, "1", "part of the command that is allocated"),
+    NONNEGATIVE_OUTPUT(scale, "1",
+                       "part of the command that is allocated; always 1 if keep_direction = 0"),
     OUTPUT(F_alloc_S, "N", "allocated force, body axes"),
     OUTPUT(M_alloc_S, "N.m", "allocated torque about the centre of mass, body axes"),
-    NONNEGATIVE_OUTPUT(demand, "1", "allocated part of the nominal thrust, per thruster"),
+    NONNEGATIVE_OUTPUT(demand, "1", "throttle before the pulse modulation, per thruster"),
     NONNEGATIVE_OUTPUT(unspent, "s", "on-time carried over to later pulses, per thruster"),
 };
 

@@ -32,7 +32,9 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    PARAMETER(times, "s", "time from which each row is in force; ascending, 1e30 = row not used"),
+    PARAMETER(times, "s",
+              "time from which a row is in force; ascending, 1e30 = unused; before the first: go_1 "
+              "to 3, relative_valid 1, else 0"),
     ROW_AS(PARAMETER_ROW, p, "rows", rows, 6, "1",
            "elements of a row: go_1, go_2, go_3, retreat, resume, relative_valid; one row per time",
            SWITCH_VALUE),

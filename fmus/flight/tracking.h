@@ -27,9 +27,10 @@ typedef struct {
     double active;
 } TrackingInput;
 
-#define TRACKING_INPUTS                                                   \
-    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),       \
-        INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"), \
+#define TRACKING_INPUTS                                                                \
+    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                    \
+        INPUT(wheel_speed, "rad/s",                                                    \
+              "wheel speeds relative to the body; only theta_d_controller uses them"), \
         REFERENCE_ROWS(INPUT_ROW, u, ref), OPTIONAL_SWITCH(active, ACTIVE_TEXT)
 
 /* start values: 300 m from the target, at rest on the reference, and far from the poles of the LOS
@@ -56,7 +57,7 @@ typedef struct {
         ROW_AS(PARAMETER_ROW, p, "use_wheels", member.use_wheels, 1, "1",                         \
                "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)", SWITCH_VALUE), \
         PARAMETER_AS("t_att", member.t_att, "s", "no attitude control before this time"),         \
-        SAMPLE_PERIOD_AS(member.sample_period, "at every call")
+        SAMPLE_PERIOD_AS(member.sample_period, "at every communication step")
 
 #define TRACKING_DEFAULTS \
     {.M_max = {10, 10, 10}, .up_axis = UP_IS_Y, .a_max = 4.9, .force_scale = 100}
@@ -78,7 +79,8 @@ typedef struct {
         TRACKING_OUTPUT("wheel_accel_cmd", member.wheel_accel_cmd, "rad/s2",                      \
                         "commanded wheel acceleration; 0 if use_wheels = 0", ANY_VALUE),          \
         TRACKING_OUTPUT("a_cmd_L", member.a_cmd_L, "m/s2",                                        \
-                        "commanded acceleration of the servicer, LOS axes, within a_max",         \
+                        "commanded acceleration of the servicer, within a_max; LOS axes: X to "   \
+                        "the target, Y to rising elevation, Z = X x Y",                           \
                         ANY_VALUE),                                                               \
         TRACKING_OUTPUT("a_saturated", member.a_saturated, "1",                                   \
                         "1: the acceleration of this LOS axis is cut to a_max", SWITCH_VALUE),    \

@@ -70,9 +70,9 @@ static const Variable variables[] = {
     POSITIVE(rotation_max, "rad", "largest rotation from the flight attitude, at most 3.05 rad"),
     SWITCH(use_plan,
            "1: attitude by plan; 0: flight attitude (X forward, Z to the Earth) all the time"),
-    NONNEGATIVE(
-        scheme, "1",
-        "discretisation: 0 spline, 1 patent with corrected second difference, 2 patent as printed"),
+    NONNEGATIVE(scheme, "1",
+                "discretisation: 0 spline, 1 patent CN106020225A, corrected second difference, "
+                "2 patent as printed"),
     POSITIVE(alpha, "1", "part of the computed change of the plan that an iteration applies"),
     NONNEGATIVE(lambda, "N2.m2.s6",
                 "weight on the second differences of the change of the plan in an iteration"),
@@ -95,12 +95,12 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(iterations, "1", "iterations of the plan"),
     NONNEGATIVE_OUTPUT(momentum_max, "N.m.s", "largest predicted momentum of the gyros"),
     ANGLE_OUTPUT(rotation_largest, "largest angle between reference attitude and flight attitude"),
+    NONNEGATIVE_OUTPUT(peak, "N.m.s",
+                       "elements: largest momentum of the gyros before each iteration, then after "
+                       "the last one (0 if status = 3), then 0"),
     NONNEGATIVE_OUTPUT(
-        peak, "N.m.s",
-        "elements: largest momentum of the gyros before each iteration, then after the last one (0 "
-        "if status = 3)"),
-    NONNEGATIVE_OUTPUT(rotation, "rad",
-                       "elements: largest rotation before each iteration, then after the last one"),
+        rotation, "rad",
+        "elements: largest rotation before each iteration, then after the last one, then 0"),
 };
 
 static void check_whole(Problems *problems, const char *name, double value, double low, double high,

@@ -99,10 +99,10 @@ static const Variable variables[] = {
     BODY_OUTPUTS("E", E, "end effector"),
     OUTPUT(r_CS_S, "m", "centre of mass of the whole vehicle from S, body axes"),
     OUTPUT(v_CN_N, "m/s", "velocity of the centre of mass, N axes"),
-    OUTPUT(h_N, "N.m.s", "angular momentum about the centre of mass with the wheels, N axes"),
+    OUTPUT(h_N, "N.m.s", "angular momentum about the centre of mass, wheels included, N axes"),
     OUTPUT(kinetic_energy, "J",
-           "kinetic energy of the motion about the centre of mass, wheels locked, rotors of the "
-           "joints included"),
+           "kinetic energy of the motion about the centre of mass, wheels counted as locked, "
+           "rotors of the joints included"),
 };
 
 static void check(const Parameters *p, Problems *problems)

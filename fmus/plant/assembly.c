@@ -74,7 +74,9 @@ static const Variable variables[] = {
                         "driven by hdot_cmd_S"),
     POSITIVE(H_sat, "N.m.s", "largest momentum of the ideal device"),
     POSITIVE(h_w, "N.m.s", "momentum of the wheel of one gyro"),
-    PARAMETER(gimbal_angle_0, "rad", "gimbal angles at the start"),
+    PARAMETER(gimbal_angle_0, "rad",
+              "gimbal angles at the start; gimbal axes: z, then five at atan(2) from z, azimuths "
+              "0, 72 .. 288 deg"),
     POSITIVE(gimbal_rate_max, "rad/s", "largest gimbal rate"),
     SWITCH(use_gravity_gradient, "1: gravity gradient acts"),
     SWITCH(use_aero, "1: drag acts on the surfaces"),
@@ -101,18 +103,22 @@ static const Variable variables[] = {
     ALARM(saturated,
           "1: gyros saturated: commanded momentum beyond H_sat, or cluster above 0.98 of its "
           "envelope"),
-    OUTPUT(gimbal_angle, "rad", "gimbal angles"),
+    OUTPUT(gimbal_angle, "rad",
+           "gimbal angles; spin axes at angle 0: x, then in the xy plane at the azimuth of the "
+           "gimbal axis + 90 deg"),
     OUTPUT(gimbal_rate, "rad/s", "gimbal rates"),
     NONNEGATIVE_OUTPUT(singularity, "1",
                        "sqrt(det A A^T), A: torque axes of the six gyros; 0 = singular"),
     ROW_AS(OUTPUT_ROW, y, "arm_angle", arm.angle, 1, "rad",
-           "angle of the hinge between base and module", ANY_VALUE),
+           "angle of the arm (module about its hinge), positive about +z", ANY_VALUE),
     ROW_AS(OUTPUT_ROW, y, "arm_rate", arm.rate, 1, "rad/s", "derivative of arm_angle", ANY_VALUE),
     ROW_AS(OUTPUT_ROW, y, "arm_accel", arm.accel, 1, "rad/s2", "derivative of arm_rate", ANY_VALUE),
     OUTPUT(M_gravity_S, "N.m", "gravity-gradient torque, body axes"),
-    OUTPUT(M_aero_S, "N.m", "aerodynamic torque, body axes"),
+    OUTPUT(M_aero_S, "N.m",
+           "aerodynamic torque about the centre of mass of the assembly, body axes"),
     OUTPUT(h_total_N, "N.m.s", "total momentum about the centre of mass of the assembly, N axes"),
-    ROW_AS(OUTPUT_ROW, y, "J_A", J_A, 3, "kg.m2", "inertia of the assembly, base axes", ANY_VALUE),
+    ROW_AS(OUTPUT_ROW, y, "J_A", J_A, 3, "kg.m2",
+           "inertia of the assembly about its centre of mass, base axes", ANY_VALUE),
 };
 
 static void check(const Parameters *p, Problems *problems)

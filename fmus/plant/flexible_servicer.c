@@ -98,8 +98,9 @@ static const Variable variables[] = {
     PARAMETER_AS("slosh_displacement_0", slosh.displacement_0, "m",
                  "displacements of the sloshing masses at the start"),
     PARAMETER_AS("slosh_rate_0", slosh.rate_0, "m/s", "rates of the sloshing masses at the start"),
-    PARAMETER_AS("slosh_travel", slosh.travel, "m",
-                 "largest displacement in the tank, limit for slosh_beyond_travel; 0 = none"),
+    PARAMETER_AS(
+        "slosh_travel", slosh.travel, "m",
+        "largest displacement in the tank, checked by slosh_beyond_travel only; 0 = no limit"),
     PARAMETER_AS("slosh_draw", slosh.draw, "1",
                  "share of the propellant consumption that each sloshing mass loses"),
 

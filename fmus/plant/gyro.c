@@ -51,7 +51,8 @@ static const Variable variables[] = {
     PARAMETER(bias_0, "rad/s", "bias at the start, body axes"),
     NONNEGATIVE(sigma_bias_0, "rad/s",
                 "standard deviation of the bias at the start about bias_0, per axis"),
-    MATRIX(misalignment, "1", "scale factor errors (diagonal) and misalignments, body axes"),
+    MATRIX(misalignment, "1",
+           "M of measured = (I + M) true rotation, body axes; diagonal: scale factor errors"),
     NONNEGATIVE(quantum, "rad", "the increments are multiples of this angle; 0 = not rounded"),
 
     INPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),

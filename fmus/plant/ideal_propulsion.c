@@ -40,7 +40,8 @@ static const Variable variables[] = {
 
     OUTPUT(F_S, "N", "force on the servicer, body axes"),
     OUTPUT(M_S, "N.m", "torque on the servicer about its centre of mass, body axes"),
-    NONNEGATIVE_OUTPUT(mdot, "kg/s", "propellant consumption"),
+    NONNEGATIVE_OUTPUT(mdot, "kg/s",
+                       "propellant consumption: sum of |F_S| over the axes / (Isp g_0)"),
     FLAG(F_saturated, "1: the force command of this axis is above its limit"),
     FLAG(M_saturated, "1: the torque command of this axis is above its limit"),
     NONNEGATIVE_OUTPUT(impulse, "N.s", "integral of the absolute force per axis"),

@@ -75,8 +75,7 @@ static const Variable variables[] = {
     RANDOM_ROWS(random),
     CAMERA_ROWS(camera),
     PARAMETER(p_GT_T, "m",
-              "origin of the tracked model from the centre of mass of the target, "
-              "target axes"),
+              "position of the tracked point from the target's centre of mass, target axes"),
     POSE_NOISE_ROWS(noise),
     NONNEGATIVE(fov, "rad", "half angle of the field of view about the boresight"),
     NONNEGATIVE(range_min, "m", "no measurement at a smaller distance"),
@@ -94,15 +93,15 @@ static const Variable variables[] = {
               "poses are wrong, but marked valid, from this time on, for fault_duration"),
     NONNEGATIVE(fault_duration, "s", "duration of the fault; 0 = no fault"),
     PARAMETER(fault_drift_K, "m/s", "drift of the position during the fault, camera axes"),
-    PARAMETER(fault_theta_T, "rad", "turn of the attitude during the fault, target axes"),
+    PARAMETER(fault_theta_T, "rad",
+              "constant rotation vector added to the attitude during the fault, target axes"),
 
     INPUT(r_TN_N, "m", "position of the target, N axes"),
     INPUT(q_TN, "1", "attitude of the target relative to N, scalar first"),
     INPUT(r_SN_N, "m", "position of the servicer, N axes"),
     INPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
 
-    OUTPUT(r_GK_K, "m",
-           "measured position of the origin of the tracked model from the camera, camera axes"),
+    OUTPUT(r_GK_K, "m", "measured position of the tracked point from the camera, camera axes"),
     OUTPUT(q_TK, "1", "measured attitude of the target relative to the camera, scalar first"),
     OUTPUT(pose_time, "s", "time of the measurement; -1 = none yet"),
     FLAG(pose_valid, "1: a measurement was taken at pose_time"),

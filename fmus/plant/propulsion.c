@@ -46,14 +46,13 @@ static const Model start = {
 
 static const Variable variables[] = {
     THRUSTER_ROWS(thrusters),
-    GRID(T0, "call period; thrust is constant between calls"),
+    GRID(T0, "update period: the commands are read and the thrust changes at multiples of T0"),
     NONNEGATIVE(Tl, "s", "switching delay"),
     NONNEGATIVE(T2up, "s", "time constant of the rise; no lag if it is below T0 and exact_lag = 0"),
     NONNEGATIVE(T2dn, "s", "time constant of the fall; no lag if it is below T0 and exact_lag = 0"),
-    SWITCH(exact_lag,
-           "lag: 0 Euler step, as the paper defines it, 1 exact for a command held over T0"),
+    SWITCH(exact_lag, "lag: 0 = Euler step of length T0, 1 = exact for a command held over T0"),
     SWITCH(latch,
-           "1: delay counter as in the paper: always runs, adopts a command every Tl/T0 + 1 calls"),
+           "1: the delay counter always runs: a command is adopted only every Tl/T0 + 1 updates"),
     NONNEGATIVE(Isp, "s", "specific impulse; 0 = no propellant is consumed"),
     NONNEGATIVE(fault_kind, "1",
                 "fault, per thruster: 0 none, 1 stuck on, 2 stuck off, 3 reduced to fault_factor"),
@@ -63,9 +62,9 @@ static const Variable variables[] = {
 
     INPUT(throttle, "1", "commanded part of the nominal thrust, per thruster, limited to 0..1"),
 
-    OUTPUT(F_S, "N", "force on the servicer at the last call, body axes"),
+    OUTPUT(F_S, "N", "force on the servicer at the last update, body axes"),
     OUTPUT(M_S, "N.m",
-           "torque on the servicer about its centre of mass at the last call, body axes"),
+           "torque on the servicer about its centre of mass at the last update, body axes"),
     NONNEGATIVE_OUTPUT(mdot, "kg/s", "propellant consumption"),
     NONNEGATIVE_OUTPUT(thrust, "N", "thrust, per thruster"),
     NONNEGATIVE_OUTPUT(impulse, "N.s", "cumulative impulse, per thruster"),

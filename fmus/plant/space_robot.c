@@ -82,18 +82,18 @@ static const Variable variables[] = {
         "l", links.l, "m",
         "distance from inboard joint to centre of mass, per body; not used for the base"),
     NONNEGATIVE_AS("r", links.r, "m",
-                   "distance from centre of mass to outboard joint, per body; not used for link 2"),
-    PARAMETER(
-        euler_0, "rad",
-        "start attitude relative to the orbital frame: angles about x, y, z, in this order; turned "
-        "about x, then z (pitch), then y"),
+                   "distance from centre of mass to outboard joint (base: along x), per body; not "
+                   "used for link 2"),
+    PARAMETER(euler_0, "rad",
+              "start attitude relative to the Hill frame of the own orbit: angles about x, y, z; "
+              "turned about x, then z (pitch), then y"),
     PARAMETER(deuler_0, "rad/s", "rates of the angles euler at the start, about x, y, z"),
     PARAMETER(joint_angle_0, "rad",
               "joint angles at the start: link 1 from x of the base, link 2 from link 1"),
     PARAMETER(joint_rate_0, "rad/s", "joint rates at the start"),
     SWITCH(use_gravity_gradient, "1: gravity gradient acts on all bodies"),
-    GRID(max_step,
-         "internal integration step; at most 0.1 s with joint torques, 10 s in free drift"),
+    GRID(max_step, "internal integration step; recommended: at most 0.1 s with joint torques, 10 s "
+                   "in free drift"),
 
     INPUT(F_S, "N", "force at the centre of mass of the base, base axes"),
     INPUT(M_S, "N.m", "torque on the base, base axes"),
@@ -110,8 +110,8 @@ static const Variable variables[] = {
     OUTPUT(joint_rate, "rad/s", "joint rates"),
     OUTPUT(joint_accel, "rad/s2", "joint accelerations"),
     OUTPUT(euler, "rad",
-           "attitude relative to the orbital frame: angles about x, y, z (turned about x, then z, "
-           "then y)"),
+           "attitude relative to the Hill frame of the own orbit: angles about x, y, z; turned "
+           "about x, then z, then y"),
     OUTPUT(deuler, "rad/s", "rates of the angles euler"),
     OUTPUT(
         pitch, "rad",
@@ -122,7 +122,7 @@ static const Variable variables[] = {
     OUTPUT(h_N, "N.m.s", "angular momentum about the centre of mass of the robot, N axes"),
     OUTPUT(kinetic_energy, "J", "kinetic energy of the motion about the centre of mass"),
     OUTPUT(potential_energy, "J", "potential energy of the gravity gradient"),
-    OUTPUT(lock_torque, "N.m", "torque of the lock on the joints; 0 when free"),
+    OUTPUT(lock_torque, "N.m", "torque of the lock on the outboard body about +z; 0 when free"),
 };
 
 static void check(const Parameters *p, Problems *problems)

@@ -789,12 +789,12 @@ def verdicts(rate, **changes):
 
 AGAINST = {
     # sqrt(1.6/1400) = 33.806e-3 at R_around
-    "force": (9, verdicts(0.0318), verdicts(0.0319)),
-    "momentum": (10, verdicts(0.02, momentum_max=0.02 * (90 + 250 + 60 * 9) + 1e-6),
-                 verdicts(0.02, momentum_max=0.02 * (90 + 250 + 60 * 9) - 1e-6)),
-    "propellant ahead": (11, verdicts(0.02, Isp=3.8), verdicts(0.02, Isp=3.6)),
-    "only by arm": (12, verdicts(0.02, rate_probe=0.02 + 1e-9),
-                    verdicts(0.02, rate_probe=0.02 - 1e-9)),
+    "too little force": (9, verdicts(0.0318), verdicts(0.0319)),
+    "too much momentum": (10, verdicts(0.02, momentum_max=0.02 * (90 + 250 + 60 * 9) + 1e-6),
+                          verdicts(0.02, momentum_max=0.02 * (90 + 250 + 60 * 9) - 1e-6)),
+    "too little propellant": (11, verdicts(0.02, Isp=3.8), verdicts(0.02, Isp=3.6)),
+    "tumble too fast for probe": (12, verdicts(0.02, rate_probe=0.02 + 1e-9),
+                                  verdicts(0.02, rate_probe=0.02 - 1e-9)),
 }  # fmt: skip
 
 

@@ -27,8 +27,8 @@ ENDS = {
     "no_go": (NOMINAL[:4], "time-out"),
     "dropout": (NOMINAL[:8], "navigation"),
     "bounce": (NOMINAL[:8] + TRY_AGAIN, "attempts"),
-    "thruster_stuck": (NOMINAL[:6], "error"),
-    "manoeuvre": (NOMINAL[:6], "error"),
+    "thruster_stuck": (NOMINAL[:6], "axis or pointing error"),
+    "manoeuvre": (NOMINAL[:6], "axis or pointing error"),
     "ground_retreat": (NOMINAL[:7], "ground"),
 }
 """Phases before the retreat, and its reason."""

@@ -28,10 +28,10 @@ STOWED, FOLD = 0, 5
 AGAIN = ["back-off", "hold 3", "mating"]
 ENDS = {
     "no_go": (NOMINAL[:4], "time-out", [STOWED]),
-    "thruster_stuck": (NOMINAL[:6], "error", [STOWED]),
-    "manoeuvre": (NOMINAL[:6], "error", [STOWED]),
+    "thruster_stuck": (NOMINAL[:6], "axis or pointing error", [STOWED]),
+    "manoeuvre": (NOMINAL[:6], "axis or pointing error", [STOWED]),
     "ground_retreat": (NOMINAL[:7], "ground", [STOWED, DEPLOY, FOLD, STOWED]),
-    "momentum": (NOMINAL[:4], "momentum", [STOWED]),
+    "momentum": (NOMINAL[:4], "too much momentum", [STOWED]),
     "dropout": (NOMINAL[:8], "navigation", [STOWED, DEPLOY, ALIGN, FOLD, STOWED]),
     "bounce": (
         NOMINAL[:8] + AGAIN,

@@ -97,7 +97,7 @@ typedef struct {
 #define GRID(member, text)          GRID_AS(#member, member, text)
 #define SAMPLE_PERIOD_AS(member, text) \
     GRID_OF("sample_period", member, "sample period of the software; 0 = " text, NONNEGATIVE_VALUE)
-#define SAMPLE_PERIOD              SAMPLE_PERIOD_AS(sample_period, "at every call")
+#define SAMPLE_PERIOD              SAMPLE_PERIOD_AS(sample_period, "at every communication step")
 #define INPUT(member, unit, text)  ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, ANY_VALUE)
 #define SWITCH_INPUT(member, text) ROW_AS(INPUT_ROW, u, #member, member, 1, "1", text, SWITCH_VALUE)
 #define NONNEGATIVE_INPUT(member, unit, text) \

@@ -16,6 +16,7 @@ typedef struct {
     PARAMETER_AS("p_KS_S", member.p_KS_S, "m",                                 \
                  "camera from the centre of mass of the servicer, body axes"), \
         PARAMETER_AS("q_KS", member.q_KS, "1",                                 \
-                     "attitude of the camera relative to the servicer, scalar first")
+                     "attitude of the camera relative to the servicer, "       \
+                     "scalar first; boresight +X")
 
 #endif

@@ -17,7 +17,8 @@ typedef struct {
         PARAMETER_AS(name ".amplitude", member.amplitude, unit, text ": amplitude, per axis"), \
         PARAMETER_AS(name ".frequency", member.frequency, "rad/s",                             \
                      text ": angular frequency, per axis"),                                    \
-        PARAMETER_AS(name ".phase", member.phase, "rad", text ": phase, per axis"),            \
+        PARAMETER_AS(name ".phase", member.phase, "rad",                                       \
+                     text ": phase of the sine at t = 0, per axis"),                           \
         PARAMETER_AS(name ".start", member.start, "s", text ": zero before this time")
 #define SINUSOID_ROWS(member, unit, text) SINUSOID_ROWS_AS(#member, member, unit, text)
 

@@ -17,7 +17,8 @@ typedef struct { double angle, rate, accel; } Arm; /* rad, rad/s, rad/s2 */
 #define SWING_START {.angle = PI / 2, .start = 600, .duration = 3000, .smooth = 1}
 
 #define SWING_ROWS(member)                                                                \
-    PARAMETER_AS("swing_angle", member.angle, "rad", "angle of the arm after the swing"), \
+    PARAMETER_AS("swing_angle", member.angle, "rad",                                      \
+                 "angle of the arm (module about its hinge) after the swing; before: 0"), \
         PARAMETER_AS("swing_start", member.start, "s", "start of the swing"),             \
         POSITIVE_AS("swing_duration", member.duration, "s", "duration of the swing"),     \
         ROW_AS(PARAMETER_ROW, p, "swing_smooth", member.smooth, 1, "1",                   \

@@ -105,7 +105,7 @@ typedef struct {
         NONNEGATIVE(hard_distance, "m",                                                            \
                     "hard capture: largest distance of the tip from its seated position"),         \
         NONNEGATIVE(hard_angle, "rad",                                                             \
-                    "hard capture: largest rotation from the rest attitude of the latch"),         \
+                    "hard capture: largest rotation from aligned axes, roll as in soft capture"),  \
         NONNEGATIVE(hard_speed, "m/s", "hard capture: largest speed of the tip"),                  \
         NONNEGATIVE(hard_rate, "rad/s", "hard capture: largest relative angular rate"),            \
         LATCH_ROWS(hard, "hard capture"),                                                          \
@@ -115,7 +115,7 @@ typedef struct {
         PORT_POSITIVE(k_sep, "N/m", "stiffness of the separation spring"),                         \
         PORT_NONNEGATIVE(stroke_sep, "m", "stroke of the separation spring"),                      \
         SWITCH(latency,                                                                            \
-               "1: outputs are one step ahead, as Jacobi masters transfer them a step late"),      \
+               "1: loads are one step ahead, for Jacobi masters, which apply them a step late"),   \
         GRID(max_step, "longest internal step of the prediction")
 
 static inline void check_nonzero_quaternion(Problems *problems, const char *name, quat q)

@@ -12,7 +12,7 @@
 #include "time_grid.h"
 
 #define SENSOR_PERIOD_ROW \
-    GRID(sample_period, "period of the measurements, a multiple of the macro step")
+    GRID(sample_period, "period of the measurements, best a multiple of the communication step")
 
 /* defines the function name(p, u, x, y, t, h), which calls measure(p, u, x, y, s) at every
  * sample instant s in [t, t+h) */

@@ -62,9 +62,10 @@ typedef struct {
         PARAMETER_AS("drho_0_H", base.drho_0_H, "m/s",                                             \
                      "start velocity relative to the target as seen in the Hill frame; used if "   \
                      "parameter a > 0"),                                                           \
-        POSITIVE_AS("mass_0", base.mass_0, "kg", "start mass"),                                    \
-        BASE_MATRIX(J_S, "inertia of the whole servicer about its centre of mass, wheels locked, " \
-                         "body axes"),                                                             \
+        POSITIVE_AS("mass_0", base.mass_0, "kg",                                                   \
+                    "start mass, including propellant and panels, without an arm"),                \
+        BASE_MATRIX(J_S, "inertia of the servicer without an arm about S, undeformed, wheels "     \
+                         "locked, body axes"),                                                     \
         BASE_MATRIX(A_w, "matrix from wheel speeds to wheel momentum in body axes"),               \
         PARAMETER_AS("sigma_SN_0", base.sigma_SN_0, "1",                                           \
                      "start attitude relative to N, modified Rodrigues parameters"),               \
@@ -72,7 +73,8 @@ typedef struct {
                      "start angular velocity relative to N (at t_att), body axes"),                \
         PARAMETER_AS("wheel_speed_0", base.wheel_speed_0, "rad/s",                                 \
                      "start wheel speeds relative to the body (at t_att)"),                        \
-        PARAMETER_AS("t_att", base.t_att, "s", "the attitude is frozen before this time"),         \
+        PARAMETER_AS("t_att", base.t_att, "s",                                                     \
+                     "the attitude relative to N is frozen before this time"),                     \
         BASE_SWITCH(use_J2, "1: oblateness of the planet acts on the orbit"),                      \
         BASE_SWITCH(use_gravity_gradient, "1: gravity gradient acts on the attitude"),             \
         NONNEGATIVE_AS("wheel_accel_max", base.wheel_accel_max, "rad/s2",                          \
@@ -91,21 +93,23 @@ typedef struct {
 #define BASE_INPUT(member, unit, text, rule) \
     ROW_AS(INPUT_ROW, u, #member, base.member, 1, unit, text, rule)
 #define BASE_INPUTS                                                                                \
-    BASE_INPUT(F_S, "N", "force of the actuators, body axes", ANY_VALUE),                          \
-        BASE_INPUT(M_S, "N.m", "torque of the actuators about the centre of mass, body axes",      \
-                   ANY_VALUE),                                                                     \
+    BASE_INPUT(F_S, "N", "force of the actuators at S, body axes", ANY_VALUE),                     \
+        BASE_INPUT(M_S, "N.m", "torque of the actuators about S, body axes", ANY_VALUE),           \
         BASE_INPUT(mdot, "kg/s", "propellant consumption", NONNEGATIVE_VALUE),                     \
         BASE_INPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration relative to the body", \
                    ANY_VALUE),                                                                     \
         OPTIONAL_INPUT_AS("F_contact_S", base.F_contact_S, "N",                                    \
-                          "force of contact or docking, body axes"),                               \
+                          "force of contact or docking at S, body axes"),                          \
         OPTIONAL_INPUT_AS("M_contact_S", base.M_contact_S, "N.m",                                  \
-                          "torque of contact or docking about the centre of mass, body axes")
+                          "torque of contact or docking about S, body axes")
 
 #define BASE_OUTPUT(member, unit, text, rule) \
     ROW_AS(OUTPUT_ROW, y, #member, base.member, 1, unit, text, rule)
 #define BASE_OUTPUTS                                                                               \
-    BASE_OUTPUT(r_SN_N, "m", "position of the servicer, N axes", ANY_VALUE),                       \
+    BASE_OUTPUT(                                                                                   \
+        r_SN_N, "m",                                                                               \
+        "position of the servicer, N axes; S: its centre of mass without an arm, undeformed",      \
+        ANY_VALUE),                                                                                \
         BASE_OUTPUT(v_SN_N, "m/s", "velocity of the servicer, N axes", ANY_VALUE),                 \
         BASE_OUTPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first", ANY_VALUE), \
         BASE_OUTPUT(omega_SN_S, "rad/s",                                                           \
@@ -115,10 +119,11 @@ typedef struct {
                     "inside the unit sphere",                                                      \
                     ANY_VALUE),                                                                    \
         BASE_OUTPUT(wheel_speed, "rad/s", "wheel speeds relative to the body", ANY_VALUE),         \
-        BASE_OUTPUT(mass, "kg", "mass including the remaining propellant", NONNEGATIVE_VALUE),     \
+        BASE_OUTPUT(mass, "kg", "total mass, including the remaining propellant",                  \
+                    NONNEGATIVE_VALUE),                                                            \
         BASE_OUTPUT(rate_margin, "rad/s",                                                          \
-                    "half a turn per max_step minus the rate of the body; below 0 an internal "    \
-                    "step cannot follow the rotation and the attitude is lost",                    \
+                    "pi/max_step minus the angular rate of the body; below 0 the step fails: "     \
+                    "the attitude is lost, max_step is too long",                                  \
                     NONNEGATIVE_VALUE)
 
 static inline void check_base_body(Problems *problems, const BaseParameters *p)

@@ -53,18 +53,21 @@
         ARM_MATRIX("joint_axis", axis, "1",                                                        \
                    "unit vector of the axis, per joint; zero pose, base axes"),                    \
         ARM_MATRIX("joint_offset", offset, "m",                                                    \
-                   "position from the previous joint, the first from S; zero pose, base axes"),    \
+                   "position from the previous joint, the first from S, centre of mass of the "    \
+                   "base; zero pose, base axes"),                                                  \
         PARAMETER_AS("link_mass", arm.mass, "kg", "mass per link"),                                \
         ARM_MATRIX("link_centre", centre, "m",                                                     \
-                   "centre of mass from the joint of the link, per link, zero pose"),              \
+                   "centre of mass from the joint of the link, per link; zero pose, base axes"),   \
         ARM_MATRIX("link_inertia", inertia, "kg.m2",                                               \
-                   "moments of inertia xx, yy, zz about the centre of mass, per link, zero pose"), \
+                   "moments of inertia xx, yy, zz about the centre of mass, per link; zero pose, " \
+                   "base axes"),                                                                   \
         ARM_MATRIX("link_products", products, "kg.m2",                                             \
-                   "elements xy, xz, yz of the inertia matrix, per link, zero pose"),              \
+                   "elements xy, xz, yz of the inertia matrix, per link; zero pose, base axes"),   \
         PARAMETER_AS("joint_inertia", arm.joint_inertia, "kg.m2",                                  \
                      "inertia of the rotor seen through the gear, per joint"),                     \
         PARAMETER_AS("p_EA_A", arm.p_EA_A, "m",                                                    \
-                     "end effector from the last joint, axes of the last link"),                   \
+                     "end effector from the last joint, axes of the last link (base axes in the "  \
+                     "zero pose)"),                                                                \
         PARAMETER_AS("q_EA", arm.q_EA, "1",                                                        \
                      "attitude of the end effector relative to the last link, scalar first")
 

@@ -42,11 +42,14 @@
             "hinge", member.hinge, "m",                                                          \
             "from the centre of mass of the base to the hinge, base axes; the hinge axis is z"), \
         PARAMETER_AS("module", member.module, "m",                                               \
-                     "from the hinge to the centre of mass of the module, module axes"),         \
+                     "from the hinge to the centre of mass of the module, module axes (base "    \
+                     "axes at angle 0)"),                                                        \
         NONNEGATIVE_AS("box_0", member.surfaces.box_0, "m",                                      \
-                       "edges of the box around the centre of mass of the base; 0 = none"),      \
+                       "x, y, z edge lengths of the drag box around the centre of mass of the "  \
+                       "base; 0 = none"),                                                        \
         NONNEGATIVE_AS("box_1", member.surfaces.box_1, "m",                                      \
-                       "edges of the box around the centre of mass of the module; 0 = none"),    \
+                       "x, y, z edge lengths of the drag box around the centre of mass of the "  \
+                       "module; 0 = none"),                                                      \
         NONNEGATIVE_AS("panel_area", member.surfaces.panel_area, "m2",                           \
                        "area of one side of each two-sided panel; 0 = none"),                    \
         ROW_AS(PARAMETER_ROW, p, "panel_body", member.surfaces.panel_body, 1, "1",               \

@@ -13,24 +13,25 @@ typedef struct {
 } Reference; /* position relative to the target, N axes; attitude relative to N; rates in D axes */
 
 /* text of the optional input `active` of guidances and controllers */
-#define ACTIVE_TEXT \
-    "1: active; 0: commands are 0, and the next active sample acts as a first sample"
+#define ACTIVE_TEXT                                                                          \
+    "1: active; 0: outputs of a first sample, commands and flags 0; the next active sample " \
+    "is a first one"
 
 #define REFERENCE_ROW(causality, part, name, member, unit, text) \
     ROW_AS(causality, part, name, member, 1, unit, text, ANY_VALUE)
 
-#define REFERENCE_ROWS(causality, part, member)                                         \
-    REFERENCE_ROW(causality, part, "rho_ref_N", member.rho, "m",                        \
-                  "reference position of the servicer relative to the target, N axes"), \
-        REFERENCE_ROW(causality, part, "drho_ref_N", member.drho, "m/s",                \
-                      "first derivative of rho_ref as seen in N, N axes"),              \
-        REFERENCE_ROW(causality, part, "ddrho_ref_N", member.ddrho, "m/s2",             \
-                      "second derivative of rho_ref as seen in N, N axes"),             \
-        REFERENCE_ROW(causality, part, "q_DN", member.q, "1",                           \
-                      "reference attitude relative to N, scalar first"),                \
-        REFERENCE_ROW(causality, part, "omega_DN_D", member.omega, "rad/s",             \
-                      "reference angular velocity relative to N, reference body axes"), \
-        REFERENCE_ROW(causality, part, "alpha_DN_D", member.alpha, "rad/s2",            \
-                      "reference angular acceleration, derivative of omega_DN_D")
+#define REFERENCE_ROWS(causality, part, member)                                              \
+    REFERENCE_ROW(causality, part, "rho_ref_N", member.rho, "m",                             \
+                  "reference position of the servicer relative to the target, N axes"),      \
+        REFERENCE_ROW(causality, part, "drho_ref_N", member.drho, "m/s",                     \
+                      "reference velocity relative to the target as seen in N, N axes"),     \
+        REFERENCE_ROW(causality, part, "ddrho_ref_N", member.ddrho, "m/s2",                  \
+                      "reference acceleration relative to the target as seen in N, N axes"), \
+        REFERENCE_ROW(causality, part, "q_DN", member.q, "1",                                \
+                      "reference attitude relative to N, scalar first"),                     \
+        REFERENCE_ROW(causality, part, "omega_DN_D", member.omega, "rad/s",                  \
+                      "reference angular velocity relative to N, reference body axes"),      \
+        REFERENCE_ROW(causality, part, "alpha_DN_D", member.alpha, "rad/s2",                 \
+                      "reference angular acceleration relative to N, reference body axes")
 
 #endif

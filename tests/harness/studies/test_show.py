@@ -147,7 +147,7 @@ def test_the_table_fits_the_page(monkeypatch, columns):
 
 def test_a_matrix_is_folded_between_its_rows(monkeypatch):
     monkeypatch.setenv("COLUMNS", "70")
-    text = showing.text(show("sync_approach.servicer", "whole servicer"))
+    text = showing.text(show("sync_approach.servicer", "arm about S"))
     assert re.findall(r"\[+\d+, \d+, \d+\]+", text) == [
         "[[200, 0, 0]",
         "[0, 250, 0]",
