@@ -154,6 +154,17 @@ def test_mean_wrench_of_a_contact(mechanism, rng, place, closing):
     assert (unit.get("load_force") > 0) == touching
 
 
+@pytest.mark.parametrize("e", [(0.001, 1.5, 0.3), (-1.199, 0.0, 0.0)], ids=["face", "floor"])
+def test_a_large_drogue_is_met_within_the_step(mechanism, rng, e):
+    """More than 1 m from the centre of the mouth: on the face, and on the floor of a deep cone."""
+    p = vary(rng, max_step=FINE, face_radius=4.0, cone_depth=1.2)
+    b = docked(p, rng, np.array(e), (-0.5, 0.06, 0.04), shift=False)
+    unit = mechanism(p, b)
+    unit.step(0.004, b.inputs())
+    required = reference.step(p, reference.Memory(FREE), b, 0, 0.004)
+    assert same_loads(unit, required, 1e-4) == {} and unit.get("load_force") > 1
+
+
 def test_friction_opposes_the_slip_and_retains_its_bound(mechanism, rng):
     """A slide along the floor with the bodies at rest; the mean of one short step."""
     p = PARAMETERS | {"friction": 0.3, "damping_contact": 0.0}
