@@ -148,7 +148,9 @@ static Motion direction(Motion r)
     return normalised(r);
 }
 
-/* any direction normal to x, for a first sample inside the guard, where no earlier y exists */
+#define PARALLEL 1e-6 /* sine of the angle below which two unit vectors count as parallel */
+
+/* any direction normal to x */
 static vec3 some_normal(vec3 x)
 {
     vec3 least = fabs(x.x) < 0.6 ? vec(1, 0, 0) : vec(0, 1, 0);
@@ -156,14 +158,15 @@ static vec3 some_normal(vec3 x)
 }
 
 /* C.3: panel axis y, normal to the line of sight x; outside the guard also normal to the direction
- * of the Sun, inside the guard as near to the held y as possible */
+ * of the Sun, inside the guard as near to the held y as possible. If no y is held, or the line of
+ * sight is along it, any normal is held. */
 /* C.3-2 */
 static Motion panel_axis(const Parameters *p, Motion x, State *held, double *guarded)
 {
     vec3 chi = unit(p->sun_N);
     Motion w = {cross(chi, x.x), cross(chi, x.d), cross(chi, x.dd)};
     *guarded = norm(w.x) < sine(p->guard_angle);
-    if (*guarded && norm(held->y_N) == 0) held->y_N = some_normal(x.x);
+    if (*guarded && norm(cross(held->y_N, x.x)) < PARALLEL) held->y_N = some_normal(x.x);
     Motion y = normalised(*guarded ? perpendicular_part(held->y_N, x) : w);
     if (!*guarded) held->y_N = y.x;
     return y;

@@ -233,7 +233,7 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
     if (x->mode == COAST && error >= p->rho2) x->mode = ALIGN;
     if (x->mode == ALIGN && error < p->rho1) x->mode = COAST;
     if (x->mode == ALIGN) {
-        d = scale(1 / error, e_v);
+        d = direction(e_v, X);
         if (dot(d, X) < -0.01) d = neg(d); /* the brakes push along -X */
         if (dot(d, X) > cosine(p->alpha_fire) && norm(u->S.omega) < p->omega_fire) {
             x->mode = BURN;

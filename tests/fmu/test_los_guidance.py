@@ -260,6 +260,18 @@ def test_held_panel_axis_is_the_one_before_the_guard(fmu):
     assert deviation(dcm_of_quaternion(unit.get("q_DN"))[1], before) < 1e-9
 
 
+def test_a_line_of_sight_along_the_held_panel_axis_gets_another_one(fmu):
+    """A guard of 69 deg and a first sample inside it, whose axis need not be normal to the Sun."""
+    unit = fmu("los_guidance", {"guard_angle": 1.2, "sun_N": (0, 0, 1)})
+    unit.step(0.1, seen_at(100 * np.array((np.sin(1.1), 0, np.cos(1.1)))))
+    held = dcm_of_quaternion(unit.get("q_DN"))[1]
+    unit.step(0.1, seen_at(100 * held))
+    assert unit.get("attitude_guard") == 1
+    C = dcm_of_quaternion(unit.get("q_DN"))
+    assert deviation(C @ C.T, np.eye(3)) < 1e-12
+    assert deviation(C[0], held) < 1e-9
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("axis", np.eye(3).tolist(), ids="xyz")
 def test_a_first_sample_inside_the_guard_has_some_panel_axis(fmu, axis, sign):

@@ -281,6 +281,13 @@ def test_coast_aligns_at_rho2_and_returns_below_rho1(fmu):
     assert modes(unit, *across) == [COAST, ALIGN, ALIGN, ALIGN, COAST, COAST]
 
 
+def test_a_velocity_error_of_zero_in_align_retains_the_axis(fmu):
+    """Without a threshold for the return to coast the error may reach 0, which has no direction."""
+    unit = fmu("pursuit_guidance", VECTOR | {"rho1": 0})
+    assert modes(unit, needs((0, 0, 0.01)), needs((0, 0, 0)))[0] == ALIGN
+    close(axis_wanted(unit), [1, 0, 0], rel=1e-14)
+
+
 def test_axis_looks_at_the_target_in_coast_and_along_the_error_in_align(fmu):
     unit = fmu("pursuit_guidance", VECTOR)
     modes(unit, needs((0, 0, 1e-3)))
