@@ -271,11 +271,9 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
     if (live or lesson) and (output is None or paths.is_folder(file)):
         raise UsageError("a live page needs the results file of one run, and -o PAGE.html")
     if paths.is_folder(file):
-        if output is None:
-            raise UsageError(
-                f"{file}: a campaign or comparison needs -o: harness report {file} -o "
-                f"{file.stem}.html"
-            )
+        if output is None or wanted or strict:
+            page = f"harness report {file} -o {file.stem}.html"
+            raise UsageError(f"{file}: of a campaign or comparison only a page is made: {page}")
         _page(file, output)
         return
     result = demanding(read(file), {text: text for text in wanted})

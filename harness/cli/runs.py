@@ -139,7 +139,7 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
     how = requested.how(wanted)
     result = with_second_try(lambda: _run(wanted, file, how, quiet))
     if wanted.model is not None:
-        is_other = bool(changes or requested.start or requested.every)
+        is_other = bool(changes or requested.start or requested.epoch or requested.every)
         equal, line = agreement(wanted.model, result, is_other)
         typer.echo(line)
         if not equal:

@@ -98,7 +98,7 @@ class NotJudgedError(Exception):
 
 
 class NotExercisedError(NotJudgedError):
-    """Error: a run ended before the time to which a claim applies. str() gives the reason."""
+    """Error: a run lacks the event that a claim is about. str() gives the reason."""
 
 
 @dataclass(frozen=True)

@@ -145,7 +145,8 @@ def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
         raise StructureError(found)
     tables = convert(source, Source)
     system = _Builder(tables, fmus).system()
-    return _Builder(_begun(tables, system), fmus).system() if system.starts else system
+    dated = system.starts or system.experiment.epoch
+    return _Builder(_begun(tables, system), fmus).system() if dated else system
 
 
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator[str]:
@@ -166,7 +167,7 @@ def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator
 
 def _begun(tables: Source, system: System) -> Source:
     """Return the tables of a system with the parameters and the epoch that the files in its table
-    `[start]` give; raise HarnessError if a file cannot be used.
+    `[start]` and its epoch give; raise HarnessError if a file cannot be used.
     """
     values, _, epoch = of_system(system)
     parameters = {c: dict(own) for c, own in tables.parameters.items()}

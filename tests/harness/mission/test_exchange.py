@@ -624,6 +624,16 @@ def test_a_system_has_its_epoch_in_its_file_and_retains_it(tmp_path, epoch):
     assert run(tmp_path / "dated.toml", epoch=EPOCH).provenance.epoch == EPOCH
 
 
+def test_the_epoch_of_a_file_sets_the_sun_as_the_option_does(tmp_path):
+    base, name = "sync_approach_navigated", "star_tracker.sun_N"
+    text = f'extends = "{base}"\nname = "dated"\n[experiment]\nepoch = "{EPOCH}"\nstop = 1\n'
+    (tmp_path / "dated.toml").write_text(text)
+    sun = run(tmp_path / "dated.toml").parameter(name)
+    with load(base) as system:
+        assert np.array_equal(sun, start_values(system, {}, EPOCH).values[name])
+    assert not np.allclose(sun, run(base, stop=1).parameter(name))
+
+
 def test_an_epoch_that_is_no_date_is_a_problem_of_the_system(tmp_path):
     text = 'extends = "sync_approach"\nname = "dated"\n[experiment]\nepoch = "soon"\n'
     (tmp_path / "dated.toml").write_text(text)

@@ -227,6 +227,13 @@ def test_a_run_that_is_changed_on_the_way_is_not_held_against_its_model(changed,
     assert found.parameter("servicer.J_S")[2, 2] == 151
 
 
+def test_a_run_with_another_epoch_is_not_held_against_its_model(tmp_path, capsys):
+    path = run("sync_approach_navigated", stop=1.0).save(tmp_path / "out.nc")
+    command = ["run", "sync_approach_navigated", "--like", str(path), "--epoch", "2026-03-01"]
+    assert main([*command, "-o", str(tmp_path / "again.nc")]) == 0
+    assert "bits not compared" in capsys.readouterr().out
+
+
 def test_a_system_or_fmu_that_was_changed_or_is_gone_is_named(tmp_path, caplog):
     system, fmu, out = tmp_path / "mine.ssp", tmp_path / "my.fmu", tmp_path / "out.nc"
     shutil.copy(paths.systems()["sync_approach"], system)

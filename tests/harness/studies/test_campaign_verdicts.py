@@ -235,6 +235,10 @@ def test_every_run_without_success_is_listed_with_why_and_its_command(system, tm
         7: "bad: step failed",
     }
     assert main(["report", "c.zarr", "-o", "c.html"]) == 0
+    for gate in (["--strict"], ["--require", "guidance.range >= 1000 m"]):
+        assert main(["report", "c.zarr", "-o", "d.html", *gate]) == 2
+        assert "only a page is made" in capsys.readouterr().err
+    assert not (tmp_path / "d.html").exists()
     page = (tmp_path / "c.html").read_text()
     for run, why in required.items():
         assert f"failed: run {run}: {why}" in out
