@@ -103,8 +103,11 @@ def _corridor(p: Parameter) -> str:
 
 
 def _speed(p: Parameter) -> str:
-    slope = p("speed_slope")
-    return f"at most {p('speed_at_zero'):g} m/s" + (f" + {slope:.4g} 1/s * range" if slope else "")
+    limit, slope = f"at most {p('speed_at_zero'):g} m/s", p("speed_slope")
+    if p("speed_tumble"):
+        tumble = f"tumble rate of the target, at most {p('tumble_max'):g} rad/s"
+        return f"{limit} + ({slope:.4g} 1/s + {tumble}) * range"
+    return limit + (f" + {slope:.4g} 1/s * range" if slope else "")
 
 
 def _passive(p: Parameter) -> str:
@@ -119,13 +122,18 @@ def _plume(p: Parameter) -> str:
 
 
 def _navigation(p: Parameter) -> str:
-    return f"at most {p('lost_time'):g} s without a valid relative state"
+    if p("range_alone"):
+        state = "with a state that disagrees with the independent range"
+    else:
+        state = "without a valid relative state"
+    return f"at most {p('lost_time'):g} s {state}"
 
 
 def _escape(p: Parameter) -> str:
+    radius, approaching = p("escape_radius")
     return (
-        f"after an abort ordered at any time the servicer stays outside "
-        f"{p('escape_radius')[0]:g} m for {p('escape_time'):g} s"
+        f"after an abort ordered at any time the servicer stays outside {radius:g} m "
+        f"({approaching:g} m if ordered while approaching) for {p('escape_time'):g} s"
     )
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from harness import load, run
 from harness.master.isolated import simulate
+from ssp.shared import safety
 from ssp.shared.relative_motion import range_
 from tests.each import some
 
@@ -172,3 +173,19 @@ def test_guarded_approach_to_a_wrong_distance_ends_before_the_zone():
     assert range_(guarded).min() > 4
     assert guarded["monitor.rule_violated"][-1] == 4
     assert range_(guarded)[-1] > 20
+
+
+def test_limits_of_the_rules_are_stated_as_they_are_in_force():
+    """Tumble in the speed limit, lost navigation by the independent range, two radii of escape."""
+    result = run("servicing_mission_navigated", stop=1.0)
+    texts = {rule.name: safety.limit(result, rule) for rule in safety.RULES}
+    assert texts["speed"] == (
+        "at most 0.1 m/s + (0.01 1/s + tumble rate of the target, at most 0.04 rad/s) * range"
+    )
+    assert texts["navigation"] == (
+        "at most 10 s with a state that disagrees with the independent range"
+    )
+    assert texts["escape"] == (
+        "after an abort ordered at any time the servicer stays outside 12 m "
+        "(1.5 m if ordered while approaching) for 3600 s"
+    )
