@@ -55,9 +55,10 @@ def limits() -> dict[str, float]:
     mass = float(result.parameter("servicer.mass_0"))
     wheel, J = p["A_w"][1, 1] * p["wheel_speed_max"], p["J_S"][1, 1]
     force = p["F_axis"] / (mass * p["R_around"])
+    most = (p["bias_max"] + p["budget"]) * wheel
     return {
         "a wheel without bias": float(wheel / J),
-        "a wheel with bias, then thrusters": float((p["bias_max"] + p["budget"]) * wheel / J),
+        "a wheel with bias; above it, thrusters help": float(most / J),
         "force within the budget: retreat": float(np.sqrt(p["budget"] * force) - p["steer_least"]),
         "all force": float(np.sqrt(force)),
     }

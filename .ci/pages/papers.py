@@ -11,8 +11,8 @@ from text import ROOT
 HEAD = """# Papers
 
 Cite this software and the work behind the model that you use. The same list, for reference
-managers: `CITATION.cff`. The printed papers contain errors; each part of
-[the equations](../models.md) ends with the corrections.
+managers: `CITATION.cff`. The printed papers contain errors; parts A, B, D and E of
+[the equations](../models.md) list the corrections.
 
 """
 

@@ -1,9 +1,10 @@
 /* command_selector.c - selection of one force, one torque and one wheel acceleration from the
  * commands of six laws.
  *
+ * The input select_force selects F*, the input select_torque (0 to 4) selects M* and W*:
  *   F* = {0: 0, 1: F_1, 2: F_close, 3: F_sync, 4: 0, 5: F_retreat, 6: F_opt}
  *   M* = {0: 0, 1: M_1, 2: M_close, 3: M_sync, 4: M_unload}
- *   W* = {0, 1: 0, 2: wheel_close, 3: wheel_sync, 4: wheel_stack + A_w^-1 M_unload}
+ *   W* = {0: 0, 1: W_1, 2: wheel_close, 3: wheel_sync, 4: wheel_stack + A_w^-1 M_unload}
  * Laws: 0 none, 1 far approach, 2 closing, 3 synchronised approach, 4 stack, 5 retreat, 6
  * fuel-optimal. With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional
  * torque M_w:
@@ -17,10 +18,11 @@
  * torque the allocation distributes to the thrusters ((o): product of each element):
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
- * With far_wheels the wheels give the torque M_1: W_1 = -A_w^-1 M_1, and then M_1 = 0.
+ * W_1 = 0. With far_wheels the wheels give the torque M_1: W_1 = -A_w^-1 M_1, and then M_1 = 0.
  * The change between laws is bumpless, the change to and from no law or the retreat immediate: when
- * the selection changes from law to law, D is set to the last command minus F*, and decreases,
+ * select_force changes from law to law, D is set to the last command minus F*, and decreases,
  *   D *= exp(-period/blend_time),   F_cmd = F* + D + push [push_force, 0, 0] (law 3; not in D)
+ * When select_torque changes from law to law, M* and W* have such a D each.
  * A selection that is not in the list is rejected. Equations: docs/models.md J.5 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"

@@ -9,7 +9,7 @@
  * A pose belongs to the sample of its time stamp. Two estimates are stored: the anchor at the last
  * pose, or at the oldest stored sample if that is later; and the head at the present sample. A
  * pose moves the anchor to its sample. If the pose is used, the head is propagated again from the
- * anchor, over at most 16 stored samples of the servicer. So poses that arrive late, but in the
+ * anchor, over the stored samples of the servicer, at most 15. So poses that arrive late, but in the
  * order of their stamps, have the same effect as without delay. A pose older than the anchor is not
  * used. Equations: docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */

@@ -18,9 +18,10 @@
  * distance of a path from its chord; k = sqrt(2/(1 + n_j . n_j+1)) covers the directions between
  * n_j and n_j+1. u is the axis if the servicer is inside the corridor and within axis_radius. This
  * dv is for abort_relative = 1; with 0, or with abort_dv_H, dv does not depend on drho. m: mass; F:
- * abort_force; e_r, e_v, k_p, k_n, e_model, r_max: parameters, bounds of errors and range. Phi:
- * transition matrices by the equations of Clohessy and Wiltshire, n = sqrt(mu/a^3): no proof on an
- * orbit with e > 0.01. docs/models.md G.10, G.11 */
+ * abort_force; e_r, e_v: bounds of the errors of r and v; k_p, k_n, e_model, r_max: parameters,
+ * bounds of errors and range. Phi: transition matrices by the equations of Clohessy and Wiltshire,
+ * n = sqrt(mu/a^3). No proof for errors of v during the burn and for the orbital motion during it,
+ * and on an orbit with e > 0.01. docs/models.md G.10, G.11 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_ESCAPE_H
 #define SAFETY_ESCAPE_H

@@ -119,7 +119,7 @@ static const Variable variables[] = {
     MARGIN(
         ESCAPE, "escape", "m",
         "least range after an abort ordered now, minus escape_radius, for all errors within e_r, "
-        "e_v, k_p, k_n; a proof for linear relative motion, on orbits of eccentricity <= 0.01"),
+        "e_v, k_p, k_n; holds for a short burn on an orbit of eccentricity <= 0.01"),
     OUTPUT(least_margin, "1", "per rule: least margin since the start, in the unit of its margin"),
     MODE(nearest, "rule whose margin, divided by a typical size, is smallest",
          "none|keep-out|corridor|speed|passive|plume"),

@@ -2,8 +2,8 @@
  * every T0.
  *
  *   command   P_nom throttle
- *   delay     a new command is adopted once it has been present for more than Tl/T0 calls
- *             (the thrust responds exactly Tl after the first of them)
+ *   delay     the present command is adopted after more than Tl/T0 calls in which it differs from
+ *             the adopted one (the thrust responds to an on-off command exactly Tl later)
  *   lag       P += k (delayed - P),   k = T0/T2 or 1 - exp(-T0/T2),
  *           T2 = T2up where delayed is not 0, else T2dn
  *   wrench    F = sum P R,   M = sum (L - D_cm) x (P R),   mdot = sum P / (Isp g_0)

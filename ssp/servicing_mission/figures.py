@@ -25,8 +25,8 @@ WHEELS, RATE, MOMENTUM = "servicer.wheel_speed", "servicer.omega_SN_S", "stack_g
 CLOSE = 25.0
 """Range that the figure of the final approach shows [m]."""
 FAR_OFF, FANS, DRAWN = 60.0, 7, 12
-"""Range that the figure of escapes shows [m], number of positions on the path from which escapes
-are drawn, number of escapes with drawn errors for each position.
+"""Range that the figure of escapes shows [m], number of positions on the path at which it shows an
+abort, number of drifts with random errors for each of these positions.
 """
 
 

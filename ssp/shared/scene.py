@@ -26,14 +26,14 @@ Part = dict[str, Any]
 LEAST, MOST = 600, 3000
 """Smallest and largest number of instants of a replay."""
 TURN = np.radians(8)
-"""Largest angle by which a body turns between two instants, unless MOST instants are too few for it
-[rad].
+"""Largest mean angle by which a body turns between two instants [rad], unless MOST instants are too
+few for it.
 """
 
 
 def instants(result: Result, *attitudes: str) -> Rows:
-    """Return the equally spaced rows of a result that a replay shows, so many that bodies turn by
-    at most TURN between two; attitudes: quaternion variables of the bodies.
+    """Return the equally spaced rows of a result that a replay shows, so many that bodies turn on
+    average by at most TURN between two; attitudes: quaternion variables of the bodies.
     """
     histories = (result[name] for name in attitudes)
     turned = (float(np.nansum(rotation_angle(q[:-1], q[1:]))) for q in histories)

@@ -9,10 +9,10 @@
  * path. p_k, v_k: position and velocity at the end of this interval; C_k: N axes to servicer axes;
  * us: largest force/mass; kappa us: threshold in (16); t, o: tangent of the cone's half angle,
  * radius of the cone at p.a = 0. The end is not a constraint: its deviations have quadratic weights.
- * The unit of time is T: positions are stored as p/T^2, velocities as v/T, and the matrices depend on
- * nothing but the number of nodes. The step of the accelerations is a Riccati recursion with the
- * same gains for the three axes; the projections onto the constraints have closed forms. Equations
- * (4) to (19): section N of docs/models.md. */
+ * The unit of time is T: positions are stored as p/T^2, velocities as v/T, and the matrices depend
+ * only on the number of nodes and on whether the speed is limited. The step of the accelerations is
+ * a Riccati recursion with the same gains for the three axes; the projections onto the constraints
+ * have closed forms. Equations (4) to (19): section N of docs/models.md. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_PROBLEM_H
 #define OPTIMAL_PROBLEM_H

@@ -25,9 +25,9 @@
 
 enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 
-#define UP_AXIS_TEXT                                                                    \
-    "inertial up axis: 1 = X, 2 = Y, 3 = Z; elevation is positive towards it, azimuth " \
-    "right-handed about it from Z, X, Y"
+#define UP_AXIS_TEXT                                                                       \
+    "inertial up axis: 1 = X, 2 = Y, 3 = Z; elevation is positive towards it, azimuth is " \
+    "right-handed about it, counted from Z (1), X (2) or Y (3)"
 
 /* three outputs for a vec3 that contains (range, elevation, azimuth) */
 #define LOS_OUTPUTS(name, member, range_unit, angle_unit, text)                               \
