@@ -10,6 +10,7 @@ file. `harness build` builds an FMU from either.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,6 +27,9 @@ ACTIVATIONS: Mapping[str, tuple[Callable[[Array], Array], str]] = {
     "relu": (lambda x: np.maximum(x, 0.0), "larger(x, 0)"),
 }
 """Activation functions by name: a Python function, and an expression of x in C."""
+SIGNS = dict(zip(("Gemm", "MatMul", "Add", "Tanh", "Relu"), "LL+TR", strict=True))
+SIGNS |= dict.fromkeys(("Identity", "Flatten", "Cast"), "")
+"""Operators of .onnx files, each with its letter in the order of a policy: layer, +, activation."""
 
 
 @dataclass(frozen=True)
@@ -102,8 +106,6 @@ class Policy:
         commanded = {name for name, _, _ in p.outputs}
         held = [(n, u, len(x)) for n, u, x in p.starts if n not in commanded]
         rows += [f'    OUTPUT({n}, "{u}", "constant"),' for n, u, _ in held]
-        reads = _copies("u->", p.inputs, "x[{i}] = {port} / size[{i}];")
-        writes = _copies("y->", p.outputs, "{port} = command(x, {i});")
         sizes = [(len(b), np.shape(w)[1]) for w, b in self.layers]
         return filled(
             "policy.c",
@@ -128,8 +130,8 @@ class Policy:
                 f"    layer(W_{i}, b_{i}, {rows}, {columns}, {int(i > 0)}, x);"
                 for i, (rows, columns) in enumerate(sizes)
             ),
-            reads=reads,
-            writes=writes,
+            reads=_copies("u->", p.inputs, "x[{i}] = {port} / size[{i}];"),
+            writes=_copies("y->", p.outputs, "{port} = command(x, {i});"),
         )
 
 
@@ -170,8 +172,8 @@ def _npz(path: Path) -> Policy:
 
 
 def _onnx(path: Path) -> Policy:
-    """Return the policy in an .onnx file, whose graph must be a chain of Gemm, MatMul, Add and one
-    kind of activation; raise ValueError for other operators.
+    """Return the policy in an .onnx file; raise ValueError for a graph other than a chain of layers
+    (Gemm, or MatMul and Add) with the same activation between any two and none after the last.
     """
     try:
         import onnx
@@ -182,22 +184,22 @@ def _onnx(path: Path) -> Policy:
     about = {entry.key: entry.value for entry in model.metadata_props}
     arrays = {x.name: numpy_helper.to_array(x).astype(np.float64) for x in model.graph.initializer}
     layers: list[tuple[Array, Array]] = []
-    used = set()
+    here, order = next(x.name for x in model.graph.input if x.name not in arrays), ""
     for node in model.graph.node:
-        given = [arrays[name] for name in node.input if name in arrays]
-        match node.op_type:
-            case "Gemm":
-                flags = {a.name: a.i for a in node.attribute}
-                w = given[0] if flags.get("transB") else given[0].T
-                layers.append((w, given[1] if len(given) > 1 else np.zeros(len(w))))
-            case "MatMul":
-                layers.append((given[0].T, np.zeros(given[0].shape[1])))
-            case "Add" if given and layers:
-                layers[-1] = layers[-1][0], layers[-1][1] + given[0]
-            case "Tanh" | "Relu" as op:
-                used.add(op.lower())
-            case op if op not in ("Identity", "Flatten", "Cast"):
-                raise ValueError(f"operator {op}; expected Gemm, MatMul, Add, Tanh, Relu")
-    if len(used) > 1 or "ports" not in about:
-        raise ValueError("expected one kind of activation, and the metadata entry `ports`")
-    return Policy(Ports(**json.loads(about["ports"])), layers, *used)
+        op, given = node.op_type, [arrays[name] for name in node.input if name in arrays]
+        flags = {a.name: onnx.helper.get_attribute_value(a) for a in node.attribute}
+        plain = flags.get("alpha", 1) == flags.get("beta", 1) == 1 and not flags.get("transA")
+        chained = [name for name in node.input if name not in arrays] == [here]
+        if op not in SIGNS or not (plain and chained and (op == "Add" or node.input[0] == here)):
+            raise ValueError(
+                f"operator {op}; expected {', '.join(SIGNS)} in a chain, alpha, beta 1"
+            )
+        here, order = node.output[0], order + SIGNS[op]
+        if SIGNS[op] == "L":
+            w = given[0] if flags.get("transB") else given[0].T
+            layers.append((w, given[1] if len(given) > 1 else np.zeros(len(w))))
+        elif op == "Add" and layers:
+            layers[-1] = layers[-1][0], layers[-1][1] + given[0]
+    if not re.fullmatch(r"L\+*(TL\+*)*|L\+*(RL\+*)*", order) or "ports" not in about:
+        raise ValueError("expected layers, one activation between any two, metadata entry `ports`")
+    return Policy(Ports(**json.loads(about["ports"])), layers, "relu" if "R" in order else "tanh")

@@ -99,3 +99,24 @@ def test_a_network_of_onnx_is_the_same_policy(learned, tmp_path):
     onnx.save(model, tmp_path / "p.onnx")
     x = np.linspace(-2, 2, 9)
     np.testing.assert_array_equal(policies.read(tmp_path / "p.onnx")(x), policy(x))
+    first, between, second = nodes[:3]
+    after = helper.make_node(word, ["y1"], ["f"])
+    linear = helper.make_node("Gemm", ["y0", "W1", "b1"], ["y1"], transB=1)
+    scaled = helper.make_node("Gemm", ["x", "W0", "b0"], ["y0"], transB=1, alpha=0.5)
+    shifted = helper.make_node("Add", ["f0", "b0"], ["s"])
+    late = helper.make_node("Gemm", ["s", "W1", "b1"], ["y1"], transB=1)
+    skip = helper.make_node(word, ["x"], ["f0"])
+    for others in (
+        [first, between, second, after],
+        [first, linear],
+        [scaled, between, second],
+        [first, between, shifted, late],
+        [first, skip, second],
+    ):
+        del graph.node[:]
+        graph.node.extend(others)
+        odd = helper.make_model(graph)
+        helper.set_model_props(odd, {"ports": json.dumps(asdict(policy.ports))})
+        onnx.save(odd, tmp_path / "odd.onnx")
+        with pytest.raises(UsageError, match="is not a policy"):
+            policies.read(tmp_path / "odd.onnx")
