@@ -29,7 +29,7 @@ from harness.errors import (
 )
 from harness.files import paths
 from harness.master.changes import Changes, apply, choose_set, set_names
-from harness.master.isolated import PATIENCE, in_child, simulate, timed
+from harness.master.isolated import PATIENCE, all_ours, in_child, simulate, timed
 from harness.master.messages import as_typed, noted, without
 from harness.master.remainder import rest
 from harness.master.simulation import Simulation
@@ -175,11 +175,12 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
 
 def log_decided(system: System) -> None:
     """Log a warning for each requirement whose verdict is the same in every run, because the
-    requirement fails already in the first row or depends on parameters only.
+    requirement fails already in the first row or depends on parameters only. Systems with
+    third-party FMUs are left out, since a check runs none of their code.
     """
     period = max(max(1, c.every) for c in system.components)
     experiment = system.experiment
-    if experiment.step is None:
+    if experiment.step is None or not all_ours(system):
         return
     stop = experiment.start + period * experiment.step
     with suppress(HarnessError):  # a run reports the same error to the user

@@ -576,6 +576,14 @@ def test_check_warns_of_a_requirement_that_the_start_values_decide(text):
     )
 
 
+def test_check_runs_no_code_of_a_third_party_fmu(fmus, tmp_path, monkeypatch):
+    """The same system with a third-party FMU: no warning, and no step that could give one."""
+    path = tmp_path / "demo.ssp"
+    write_ssp(system_of(tomllib.loads(TOML), fmus), path)
+    monkeypatch.setattr("harness.studies.check.simulate", pytest.fail)
+    assert check(path, require=["twice.y >= 1e9"]).warnings == ()
+
+
 def test_check_finds_the_start_values_of_a_system_of_several_rates():
     given = {"require": ["servicer.mass >= 101 kg"]}
     assert len(check("servicing_mission", **given).warnings) == 1
