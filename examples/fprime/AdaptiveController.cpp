@@ -45,7 +45,7 @@ void AdaptiveController::schedIn_handler(NATIVE_INT_TYPE, U32) {
     const adaptive_controller_State last = x;
     const adaptive_controller_Output before = y;
     if (!adaptive_controller_good(&u, nullptr, nullptr)) {
-        log_WARNING_HI_InputsRejected(steps);
+        log_WARNING_HI_InputsRejected(steps++);
         return;
     }
     adaptive_controller_step(&p, &u, &x, &y, adaptive_controller_time(0, steps, PERIOD), PERIOD);
