@@ -4,10 +4,10 @@
     python .ci/proofs.py FOLDER [COMPONENT...]        (make proofs)
 
 Eva follows all values at once: every parameter and input that the table of variables of a component
-allows, at any time, for any number of steps. It reports an alarm where it cannot exclude an index
-outside its array, an integer overflow, an undefined shift, a conversion of a number to a type that
-cannot hold it, or a read of uninitialized memory. Infinite numbers and NaN are allowed and raise no
-alarm.
+allows, for any number of steps of 1e-9 to 1e5 s, at all times within +-1e9 s. It reports an alarm
+where it cannot exclude an index outside its array, an integer overflow, an undefined shift, a
+conversion of a number to a type that cannot hold it, or a read of uninitialized memory. Infinite
+numbers and NaN are allowed and raise no alarm.
 
 Eva follows the values of the parameters in SPLIT one by one, of all others at once. Options differ
 by component only in the number of states that Eva follows separately (MORE): a smaller number can

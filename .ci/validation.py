@@ -23,8 +23,8 @@ difference of two vectors, or the rotation angle between two attitude matrices `
 with `harness validate CASE`.
 
 `ssp/validation/cases/` holds the data, the reasons for the tolerances, and wrong models that must
-exceed them. `tests/external/` runs all cases in `make test`. The documentation site (`make site`)
-has a page per source with the differences over time.
+exceed them. `tests/external/` runs all cases, `basilisk-wheels` only in `make test-long`. The
+documentation site (`make site`) has a page per source with the differences over time.
 
 """
 
