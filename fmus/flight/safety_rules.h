@@ -10,10 +10,11 @@
  * speed_at_zero, speed_slope; beta, R: half angle and range of the plume. p: position of the
  * servicer from the target (corridor: from the apex); a: component along the axis of the cone, d:
  * distance from the axis. The axis of the plume is the direction of the force: the exhaust leaves
- * against it, and the target is at -p. A margin is positive where the rule is satisfied, zero on
- * the edge, and changes by at most 1 m per metre of displacement: it is never more than the
- * distance to the edge. It equals this distance for a sphere and a cone, and for a box in front of
- * the two faces normal to its smallest half axis.
+ * against it, and the target is at -p. A margin is positive where the rule is satisfied, and zero on
+ * the edge. The margin of the speed is in m/s. The others change by at most 1 m per metre of
+ * displacement: they are never more than the distance to the edge. They equal this distance for a
+ * sphere, for a cone where the side is nearest, and for a box in front of the two faces normal to
+ * its smallest half axis.
  *
  * Bounds on a part of an arc: a norm is bounded by the Bernstein coefficients of its square,
  * any other convex margin lies above its tangent plane at the middle, a concave one has its least

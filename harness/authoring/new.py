@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """New components and missions: folders whose content runs unchanged, filled from `templates/`.
 
-A new controller is a copy of the example of the project if it replaces a controller that commands
-force and torque. A new sensor or plant is a copy of the example of its kind, with a system that
-extends another system by the new component. Any other new component has the connected ports of the
-component that it replaces; until the user writes its law, its outputs have the start values of the
-inputs that they drive. A new mission extends a system and has its own figure, metric and claim.
+A new sensor or plant that replaces no component is a copy of the example of its kind, with a system
+that extends another system by the new component. A new controller is a copy of the example of the
+project if it replaces a controller that commands force and torque. Any other new component has the
+connected ports of the component that it replaces; until the user writes its law, its outputs have
+the start values of the inputs that they drive. A new mission extends a system and has its own
+figure, metric and claim.
 """
 
 from __future__ import annotations

@@ -75,12 +75,12 @@ def shown(result: Result, names: Sequence[str] = ()) -> Canvas:
     """Return a matplotlib figure for a notebook.
 
     names: name of one figure of the mission, or names of variables; without names the first figure
-    of the result is drawn. Raises ResultsError if all variables are constant, UsageError for a name
-    that is neither a figure nor a variable.
+    of the result is drawn. Raises ResultsError if all figures are empty or constant and no name is
+    given, UsageError for a name that is neither a figure nor a variable.
     """
     known = {f.name: f for f in figures_of(result) if not f.is_empty(result)}
     if not names and not known:
-        raise ResultsError("all variables are constant: name some variables to draw")
+        raise ResultsError("all figures are empty or constant: name some variables to draw")
     name = names[0] if names else next(iter(known))
     figure = known[name] if name in known else figure_of(result, names)
     with SCREEN.used():

@@ -151,7 +151,7 @@ def _content(archive: Path) -> bytes | None:
     try:
         return archive.read_bytes() if archive.stat().st_size <= MAX_ARCHIVE else None
     except OSError:
-        return None  # the caller then calls unpack(), which reports the fault
+        return None  # the caller of unpacked() then calls unpack(), which reports the fault
 
 
 def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:

@@ -245,9 +245,9 @@ def findings(result: Result) -> list[Finding]:
 
 
 def finding(result: Result, name: str, text: str) -> Finding:
-    """Evaluate a requirement: return whether it holds in every row of a result, and the row in
-    which it was closest to failing. A requirement that cannot be evaluated gets the verdict
-    NOT_JUDGED.
+    """Evaluate a requirement: return its verdict and the row in which it was closest to failing. A
+    requirement with always(), eventually() or until() is decided by the first row and has no such
+    row. A requirement that cannot be evaluated gets the verdict NOT_JUDGED.
     """
     if not len(result.time):
         return Finding(name, text, Verdict.NOT_JUDGED, reason="nothing was recorded")

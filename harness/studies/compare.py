@@ -46,7 +46,7 @@ from harness.system.model import System
 from harness.system.values import base
 
 ROWS = 20_000
-"""Largest number of rows of a results file if the user gives no `every`."""
+"""Largest number of rows after the first of a results file if the user gives no `every`."""
 TOGETHER = 4
 """Number of runs per task with the executor `fused`, if this gives every worker at least one task;
 otherwise a task has one run.
@@ -324,7 +324,7 @@ def _as_given(variant: Variant, text: str) -> str:
 
 def _thinning(steps: int) -> int:
     """Return the number of macro steps per row with which a run of `steps` macro steps has at most
-    ROWS rows; if possible a divisor of `steps`, so that the last row is the end of the run.
+    ROWS rows after the first; if possible a divisor of `steps`, so that rows are equally spaced.
     """
     least = math.ceil(steps / ROWS)
     return next((n for n in range(least, 2 * least) if steps % n == 0), least)

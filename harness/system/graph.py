@@ -106,8 +106,9 @@ def build_graph(system: System) -> Graph:
     """Check a system against its FMUs and assign slots of the bus.
 
     Raises FmuError if an FMU cannot be read, else StructureError with every problem: components or
-    variables that do not exist (with close matches), wrong causality, unequal units or types,
-    inputs with several connections or none, unknown or ill-typed parameters, schedule.
+    variables that do not exist (with close matches), wrong causality, unequal types, units that
+    cannot be converted, inputs with several connections, unknown or ill-typed parameters, schedule;
+    of a `strict` system also unequal units and required inputs without connection and value.
     """
     interfaces = read_interfaces(system)
     if found := [*problems(system, interfaces), *size_problems(system, interfaces)]:

@@ -63,7 +63,7 @@ LOOPS = (
     (r"exchange < EXCHANGES", "EXCHANGES"),
     (r"bound <= THRUSTERS", "16 thrusters"),
     (r"int cut = 0;;", "CUTS: left at cut == CUTS - 1"),
-    (r"parts = 0; x\.s < 1", "MOST_PARTS, then the rest of the arc is one part"),
+    (r"parts = 0; x\.s < 1", "MOST_PARTS, then at most 42 parts, none of which is halved"),
     (r"while \(s < 1 && floor_of", "52 doublings of w, a power of two below 1"),
     (r"above_half && i < DIGIT_WORDS|shift > 0 && i < DIGIT_WORDS", "7 words"),
     (r"while \(at < 100", "98 bits"),

@@ -39,9 +39,11 @@ typedef struct {
     double mass; /* mass at the start */
     /* panel: hinge, e_0, a, t_0; slosh mass: r_0, unused, unit vector of its line, unused */
     vec3 origin, e_0, axis, t_0;
-    double d;         /* panel: distance of its centre of mass from the hinge; slosh mass: 1 */
-    double I_h;       /* inertia of a panel about its hinge axis, I2 + mu d^2 */
-    double P_size;    /* p/M = P_size t; panel: mu d/I_h; slosh mass: 1, with t its line */
+    double d;   /* panel: distance of its centre of mass from the hinge; slosh mass: 1 */
+    double I_h; /* inertia of a panel about its hinge axis, I2 + mu d^2 */
+    /* p/M, momentum per rate over generalised mass, is P_size t; panel: mu d/I_h; slosh mass: 1,
+     * with t along its line */
+    double P_size;
     vec3 L_fixed;     /* term of l/M that is constant; panel: I2 a/I_h; slosh mass: r_0 x axis */
     double asymmetry; /* (I1 - I3)/I_h */
     double gyroscopic_t, gyroscopic_e; /* I1 + I2 - I3, I1 - I2 - I3 */
