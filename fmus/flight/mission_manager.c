@@ -271,7 +271,8 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(attempt, "1",
                        "attempts since the far approach began: matings, and final approaches "
                        "broken off by a time-out"),
-    MODE(select_force, "source of the force", "none|far|close|sync||retreat|optimal"),
+    MODE(select_force, "source of the force, none in law 4 (stack)",
+         "none|far|close|sync|none|retreat|optimal"),
     MODE(select_torque, "source of the torque", "none|far|close|sync|stack"),
     FLAG(active_far, "1: guidance and controller of the far approach are active"),
     FLAG(active_close, "1: guidance and controller of the closing are active"),

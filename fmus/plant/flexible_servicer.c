@@ -135,7 +135,7 @@ typedef struct {
     const Parameters *p;
     const Vehicle *v;
     Interval held;
-    vec3 F, M; /* load of actuators, contact and wheels, constant in a step */
+    vec3 F, M; /* load of actuators, contact and wheels, constant in an internal step */
 } Context;
 
 static Context context(const Parameters *p, const State *x, const Input *u, const Substep *s)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Changes to a system before a run: parameter sets and files, single values, swapped FMUs,
-latencies, step, stop.
+processors, latencies, step, stop, order of execution, epoch, requirements, open components.
 
 Every change returns a new System, which can be exported exactly as it was run.
 """

@@ -182,7 +182,7 @@ class WholeInstance(Instance):
 
     def set_start_values(self, time: float) -> None:
         """Set all parameters and open inputs by one call; raise RunError if the FMU rejects a
-        value. The error does not name the rejected variable.
+        value. Only the FMU's message in the error names the rejected variable.
         """
         self._used = True
         address = self.values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))

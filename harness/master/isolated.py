@@ -37,7 +37,7 @@ call would delay all later runs.
 BEGUN, OVER = "begun", "over"
 """Kinds of messages from the child. BEGUN: the initial row is recorded; content: the FMI calls of a
 macro step, from Simulation.calls(). OVER: the last row is recorded, or the run has ended with an
-error; content: the error or None, and the duration of a macro step [s].
+error; content: the error or None, and the computing time per macro step [s].
 """
 
 
@@ -71,7 +71,7 @@ def all_ours(system: System) -> bool:
 def timed(
     system: System, every: int | None = 1, patience: float = math.inf, executor: str = "c"
 ) -> tuple[Result, float]:
-    """Return the result of a run in a child process, and the duration of a macro step [s],
+    """Return the result of a run in a child process, and the computing time per macro step [s],
     averaged over the fastest part of the run.
 
     every: macro steps per recorded row; patience: largest duration of one FMI call [s], after which

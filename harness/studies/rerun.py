@@ -104,8 +104,9 @@ def agreement(model: Result, result: Result, changed: bool = False) -> tuple[boo
 
 
 def _differing(model: Result, result: Result) -> Iterator[str]:
-    """Yield a text for every difference of a repeated run from its original, `model`: in the number
-    of rows, the variables, the parameters, the times, and the first value that differs.
+    """Yield a text for every difference of a repeated run from its original, `model`: in the
+    parameters, the times, and the first value that differs; or only one text if the number of rows
+    differs or a variable of the original is missing.
     """
     rows = len(model.time)
     if len(result.time) != rows and (model.complete or len(result.time) < rows):

@@ -110,7 +110,9 @@ class Plan:
         """
         held, seat = self.line, int(np.argmin(np.abs(LINE)))
         if not held.any():
-            return "the arm reaches no point on the axis of the fixture"
+            return (
+                f"the arm reaches no point of the fixture's axis within {LINE[-1]:g} m of the seat"
+            )
         if not held[seat]:
             off = LINE[held][np.argmin(np.abs(LINE[held]))]
             return (

@@ -96,9 +96,10 @@ def test_a_mode_has_its_names_limits_and_text():
     phase, force = found["phase"], found["select_force"]
     assert (phase["min"], phase["max"], force["min"], force["max"]) == ("0", "14", "0", "6")
     assert force["description"] == (
-        "source of the force: 0 none, 1 far, 2 close, 3 sync, 5 retreat, 6 optimal"
+        "source of the force, none in law 4 (stack): "
+        "0 none, 1 far, 2 close, 3 sync, 4 none, 5 retreat, 6 optimal"
     )
     variables = read_interface(paths.fmus()["mission_manager"]).variables
     assert variables["phase"].modes.startswith(PHASES)
-    assert variables["select_force"].modes == "none|far|close|sync||retreat|optimal"
+    assert variables["select_force"].modes == "none|far|close|sync|none|retreat|optimal"
     assert not variables["t_phase"].modes

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import shutil
 import zipfile
 
@@ -113,4 +114,6 @@ def test_our_jacobi_run_agrees_in_the_style_of_another_tool(unpacked, tmp_path, 
     status, text = compared(unpacked, written("short.csv", [row[:3] for row in rows]), capsys)
     assert status == 1
     assert text.count("is missing") == len(named) - 2
+    status, text = compared(unpacked, written("early.csv", rows[:-2]), capsys)
+    assert status == 1 and re.search(r"^time ends at t = \S+ s, the trace at \S+ s$", text, re.M)
     assert compared(unpacked, tmp_path / "none.csv", capsys)[0] == 2

@@ -12,7 +12,9 @@
 #include "time_grid.h"
 
 typedef struct {
-    PhaseEntry entry; /* phase; time of the last change_phase(); pose at soft capture or release */
+    /* phase; time of the last change_phase(); tip position at soft capture or release; rest attitude,
+     * set at soft capture */
+    PhaseEntry entry;
     /* 1 in the latch window; time of entry into the window; largest normal force since this time */
     double in_window, t_window, window_force;
     double F_inner; /* largest normal force at the internal steps of the last step */

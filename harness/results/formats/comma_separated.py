@@ -29,7 +29,7 @@ INCOMPLETE = "# incomplete: "
 line.
 """
 LONGEST_LINE = 64 * 1024**2
-"""Largest number of characters of a line."""
+"""A line of the header with this number of characters or more is rejected."""
 
 _log = logging.getLogger("harness")
 

@@ -102,7 +102,7 @@ def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
         yield f"  {factors[k]:32} {_effect(found, method, k, share[k], unit)}"
     if len(shown) < len(order):
         hardly = [factors[k] for k in order if k not in shown and (value[k] or failed)]
-        yield f"  small effect: {', '.join(hardly) or 'none'}"
+        yield f"  smaller effect: {', '.join(hardly) or 'none'}"
     nothing = [factors[k] for k in order if value[k] == 0]
     if nothing and not failed:
         yield f"  without any effect: {', '.join(nothing)}"
