@@ -254,7 +254,7 @@ function layout(entry) {
 
 function draw(entry) {
   const traces = [...entry.plot.curves.map((curve) => trace(curve, entry)), ...ends(entry)];
-  const config = { responsive: true, displaylogo: false, typesetMath: false, displayModeBar: matchMedia("(hover: none)").matches ? false : "hover", /* on touch screens it would always cover the plot */
+  const config = { responsive: true, displaylogo: false, showSendToCloud: false, typesetMath: false, displayModeBar: matchMedia("(hover: none)").matches ? false : "hover", /* on touch screens it would always cover the plot */
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d"] };
   Plotly.react(entry.drawing, traces, layout(entry), config);
   if (!entry.drawn && entry.plot.time) link(entry);
