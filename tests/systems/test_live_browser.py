@@ -7,6 +7,7 @@ test-browser.
 from __future__ import annotations
 
 import hashlib
+import re
 from pathlib import Path
 
 import numpy as np
@@ -180,6 +181,29 @@ def test_a_value_beyond_the_range_stays_at_its_end(chromium, path):
         live = simulated(page, [1e9, *base[1:]])  # beyond the range: the slider stays at its end
         assert live["settings"][0] == page.evaluate("report.live.sliders[0].high")
         assert simulated(page, base)["result"]["complete"]
+
+
+def test_a_rejected_run_leaves_the_run_before_on_the_page(chromium, path):
+    with opened(chromium, path) as page:
+        ready(page)
+        base = page.evaluate("report.live.sliders.map(s => s.base)")
+        simulated(page, [90, *base[1:]])
+        shown = [page.inner_html(part) for part in ("#numbers", "#requirements")]
+        simulated(page, [90, *base[1:4], 1])
+        text = page.inner_text("#live .outcome")
+        assert text.startswith("rejected, the page still shows the run before: ")
+        assert [page.inner_html(part) for part in ("#numbers", "#requirements")] == shown
+
+
+def test_no_button_of_a_plot_sends_it_to_a_server(chromium, path):
+    with opened(chromium, path) as page:
+        ready(page)
+        page.locator("#figures").scroll_into_view_if_needed()
+        page.wait_for_selector(".modebar-btn", state="attached")
+        buttons = "[...document.querySelectorAll('.modebar-btn')]"
+        titles = page.evaluate(f"{buttons}.map(b => b.dataset.title)")
+        assert len(titles) > 3
+        assert not [t for t in titles if re.search("share|cloud|chart studio", t, re.IGNORECASE)]
 
 
 def test_a_run_is_cancelled_and_the_next_one_is_whole(chromium, path):

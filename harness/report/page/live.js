@@ -137,7 +137,11 @@
       if (!row) return;
       const [, , detail, verdict] = row.cells, again = detail.querySelector(".seek");
       detail.textContent = `${v.detail.replace(/^worst /, "")} `;
-      if (again && v.time !== null) { again.dataset.time = v.time; detail.append(again); }
+      if (again) {
+        again.hidden = v.time === null;
+        again.dataset.time = v.time;
+        detail.append(again);
+      }
       verdict.replaceChildren(badge(v.kind, v.verdict));
     });
   };
@@ -165,11 +169,11 @@
     tile.querySelector("b").firstChild.data = text;
     if (tile.dataset.about) tile.setAttribute("aria-label", `${tile.querySelector("span").textContent} ${text} ${tile.dataset.unit}: ${tile.dataset.about}`);
   });
-  const OF_FILE_ALONE = "#claims, #margins .tiles, .hero .ended, .hero .chips";
+  const OF_FILE_ALONE = "#parameters .scroll, #claims, #margins .tiles, .hero .ended, .hero .chips";
   const mark = (changed) => {
     for (const each of document.querySelectorAll(OF_FILE_ALONE)) each.classList.toggle("of-file", changed);
     part(".stale").hidden = !changed;
-    part(".stale").textContent = `The new run is shown by plots, signals, requirements, headline values, and the replay including its phases, events and safety rules. The run in the file is still shown by shapes, zones, limits, shadows, claims, safety margins, the head of the page, and each headline value, plot or curve with the note "of the run in the file".`;
+    part(".stale").textContent = `The new run is shown by plots, signals, requirements, headline values, and the replay including its phases, events and safety rules. The run in the file is still shown by shapes, zones, limits, shadows, claims, safety margins, the table of parameters, the head of the page, and each headline value, plot or curve with the note "of the run in the file".`;
   };
   const present = (data, arrays) => {
     const { replay } = window.report, state = replay && replay.state();
@@ -197,7 +201,7 @@
   const outcome = (result, seconds) => {
     const span = `${Program.g(result.time.length ? result.time.at(-1) - about.start : 0)} s`;
     if (result.cancelled) return `cancelled after ${span} of the run`;
-    if (!result.rows) return `rejected: ${result.message}`;
+    if (!result.rows) return `rejected, the page still shows the run before: ${result.message}`;
     const took = `${span} simulated in ${seconds.toFixed(2)} s`;
     return result.complete ? `Run complete: ${took}.` : `The run ended early, ${took}: ${result.message}`;
   };
@@ -217,10 +221,10 @@
     const began = performance.now(), result = await system.run(valuesOf(settings), pause());
     const seconds = (performance.now() - began) / 1000, constants = constantsOf(settings), same = unchanged(settings);
     for (const name of ["progress", ".cancel"]) part(name).hidden = true;
-    if (result.cancelled) return say(outcome(result, seconds));
+    if (result.cancelled || !result.rows) return say(outcome(result, seconds));
     const verdicts = verdictsOf(about.requirements, result, constants);
     const exercises = verdictsOf(about.exercises, result, constants).map((v) => v.kind === "good");
-    const values = result.rows ? valuesOfRun(result, constants) : about.metrics.map(() => null);
+    const values = valuesOfRun(result, constants);
     writeVerdicts(verdicts);
     writeValues(values, !same);
     writeExercises(exercises);
