@@ -85,12 +85,12 @@ static const Variable variables[] = {
     POSITIVE(
         guard_angle, "rad",
         "angle from grasp axis to orbit normal below which the roll reference is held constant"),
-    NONNEGATIVE_AS(
-        "roll_rate_max", roll.rate_max, "rad/s",
-        "largest roll rate of the reference attitude; 0 = no limit, roll jumps at guard_angle"),
-    NONNEGATIVE_AS(
-        "roll_accel_max", roll.acceleration_max, "rad/s2",
-        "largest roll acceleration of the reference attitude, used if roll_rate_max > 0"),
+    NONNEGATIVE_AS("roll_rate_max", roll.rate_max, "rad/s",
+                   "frame = 0: largest roll rate of the reference attitude; 0 = no limit, roll "
+                   "jumps at guard_angle"),
+    NONNEGATIVE_AS("roll_accel_max", roll.acceleration_max, "rad/s2",
+                   "frame = 0: largest roll acceleration of the reference attitude, used if "
+                   "roll_rate_max > 0"),
     SAMPLE_PERIOD,
     SWITCH(range_input,
            "1: the distance on the grasp axis is L_ref, 0: it follows from rho_0, rho_M and beta"),
@@ -138,10 +138,12 @@ static const Variable variables[] = {
     ANGLE_OUTPUT(beta_p,
                  "angle between the arm axis (+X of the servicer) and the direction to the target"),
     FLAG(attitude_guard,
-         "1: grasp axis within guard_angle of the orbit normal, roll reference held constant"),
+         "1: grasp axis within guard_angle of the orbit normal, roll reference held constant; 0 if "
+         "frame = 1"),
     ANGLE_OUTPUT(normal_angle, "angle between the grasp axis and the line of the orbit normal"),
-    FLAG(roll_limited,
-         "1: the roll of the reference attitude is limited and differs from the unlimited roll"),
+    FLAG(roll_limited, "1: the roll of the reference attitude is limited and differs from the "
+                       "unlimited roll; 0 if "
+                       "frame = 1"),
 };
 
 /* A.4-7 */

@@ -136,9 +136,9 @@ def _line(part: Result, time: Array) -> Array:
 
 
 def along(problem: Problem, way: Array) -> Problem:
-    """Return the problem with a new constraint on the least range, for the directions from the
-    target to the positions of another path; way: these positions relative to the target (n + 1, 3)
-    [m].
+    """Return the problem with its first constraint, the least range, replaced by one for the
+    directions from the target to the positions of another path; way: these positions relative to
+    the target (n + 1, 3) [m].
     """
     inside = np.arange(len(problem.time)) > 0
     name, least = problem.cones[0].name, -float(problem.cones[0].limit[0])
