@@ -10,7 +10,7 @@ from harness import compare
 
 
 def main() -> None:
-    """Every variant runs in a process of its own, which imports this file again."""
+    """Run both variants in worker processes, which do not import this file."""
     controllers = {"controller": ["ppc_controller", "theta_d_controller"]}
     comparison = compare("ppc_tracking", "comparison", swap=controllers, stop=60)
     print(comparison.text())

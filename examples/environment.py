@@ -19,7 +19,7 @@ env = environment(
 )  # fmt: skip
 seen, _ = env.reset()
 total, over = 0.0, False
-while not over:  # a spring and a damper from the servicer to the reference, along Hill axes
+while not over:  # spring and damper in Hill axes, commanded in servicer axes: 36 deg off at the end
     rho, reference, rate = seen.reshape(3, 3)
     force = np.clip(
         0.1 * (reference - rho) - 5.0 * rate, env.action_space.low, env.action_space.high

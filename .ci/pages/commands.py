@@ -28,7 +28,8 @@ def pages() -> Iterator[tuple[str, str]]:
 
 HEAD = """# Command line
 
-Every command takes `--help`. An error is one line on standard error.
+Every command takes `--help`. An error is one line or more on standard error, each
+with `harness:` in front.
 
 | Exit status | Meaning |
 |---|---|
@@ -46,6 +47,7 @@ TAIL = """
 | `HARNESS_TRACEBACK` | 1: show the Python traceback of an internal error |
 | `SERVICING_FMUS_BUILD` | Build folder to use instead of the FMUs and systems of the package |
 | `NO_COLOR` | Set: print verdicts without colour |
+| `SOURCE_DATE_EPOCH` | Date that files contain [s since 1970], for equal bytes of a repeated run |
 """
 
 

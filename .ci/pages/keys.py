@@ -72,7 +72,6 @@ SYSTEM: Keys = {
     },
 }  # fmt: skip
 OF = "Requirements to study; default: all"
-RUNS = "Number of all runs of the study"
 CAMPAIGN: Keys = {
     "": {
         "system": ("text", "Name of a system, or path of an .ssp from this file"),
@@ -127,12 +126,14 @@ CAMPAIGN: Keys = {
     "sensitivity": {
         "of": ("list of texts", OF),
         "method": ("text", "`morris` (default) or `sobol`"),
-        "runs": ("whole number", RUNS),
+        "runs": ("whole number", "Approximate number of runs: whole paths of `morris`; points of "
+                 "`sobol` are rounded up to a power of two; default 130"),
     },
     "worst": {
         "of": ("list of texts", OF),
-        "runs": ("whole number", RUNS),
-        "box": ("number", "Largest distance of each coordinate from 0, in standard deviations"),
+        "runs": ("whole number", "Number of runs per requirement; default 200"),
+        "box": ("number", "Largest distance of each coordinate from 0, in standard deviations; "
+                "default 3"),
     },
 }  # fmt: skip
 

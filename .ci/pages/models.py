@@ -135,7 +135,7 @@ def _checks(name: str, facts: Mapping[str, Any]) -> Iterator[str]:
         )  # fmt: skip
     if rows := _processors(name):
         yield "On emulated flight processors ([all](../../processor_figures.md)):\n"
-        yield table(("Processor", "Instructions per step", "Stack [bytes]", "Equal bits"), rows)
+        yield table(("Processor", "Mean step [instructions]", "Stack [bytes]", "Equal bits"), rows)
     statements = [s for file in _tests(name) for s in _statements(file)]
     yield f"Tests of this FMU alone (`tests/fmu/`), in addition to {COMPLIANCE}:\n"
     yield "".join(f"* {html.escape(s)}\n" for s in statements) or "* none\n"
@@ -156,7 +156,9 @@ def _processors(name: str) -> list[tuple[str, str, str, str]]:
 
 
 def _tests(name: str) -> list[Path]:
-    return sorted((ROOT / "tests/fmu").glob(f"test_{name}*.py"))
+    others = [n for n in paths.fmus() if n != name and n.startswith(name)]
+    found = sorted((ROOT / "tests/fmu").glob(f"test_{name}*.py"))
+    return [f for f in found if not f.stem.startswith(tuple(f"test_{n}" for n in others))]
 
 
 def _statements(file: Path) -> Iterator[str]:

@@ -18,7 +18,8 @@ PACKAGES = {
     "harness.errors": (
         "python_errors.md",
         "Python: errors",
-        "Every exception that a public function raises derives from `HarnessError`.",
+        "Exceptions of public functions derive from `HarnessError`. A name that a result does not "
+        "have raises `KeyError`.",
     ),
 }
 

@@ -78,7 +78,8 @@ def _head(family: str) -> str:
     return (
         f"# {TITLES.get(family, family)}\n\nDifference between the FMUs and published numbers."
         " Dashed: the tolerance. Differences of vectors are Euclidean norms; differences of"
-        " the attitude matrix `C` are rotation angles. Each case also names wrong models; a test"
+        " the attitude matrix `C` are rotation angles. If a limit is published, the difference"
+        " is the amount by which it is violated. Each case also names wrong models; a test"
         " shows that every one of them exceeds the tolerance.\n"
     )
 

@@ -1,6 +1,6 @@
 /* binary.c - specimen of a binary port: messages that grow.
  *
- *   message   output: after step k the k + 1 bytes k, k + 1, ..., 2 k, the first of all a zero
+ *   message   output: after step k < 100 the k + 1 bytes k, k + 1, ..., 2 k; at first a zero
  *   reply     input: connect it to message
  *   received  length of the reply that the last step has read
  *   checksum  sum of its bytes

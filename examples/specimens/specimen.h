@@ -1,6 +1,6 @@
 /* specimen.h - what all specimens share: life cycle, access to variables by a table, states.
  *
- * A specimen is one C file. It includes "fmi3Functions.h" and defines
+ * A specimen is one C file. It includes "types.h" and defines
  *
  *   Model      struct with all variables and states, plain data
  *   start      its start values
