@@ -111,20 +111,21 @@ static const Model start = {
         CHANNEL_ROW(member, delta, "1",                                                        \
                     "overshoot that the funnel allows, as a share of the bound, in (0, 1]")
 
-#define TELEMETRY_ROWS(member, suffix, whose)                                                    \
-    TRACKING_OUTPUT("theta" suffix, member.theta, "1",                                           \
-                    whose ": generalised state divided by its bound, order as in z", ANY_VALUE), \
-        TRACKING_OUTPUT("s" suffix, member.s, "1",                                               \
-                        whose ": mapped state, theta mapped from its bounds to all numbers",     \
-                        ANY_VALUE),                                                              \
-        TRACKING_OUTPUT("kappa" suffix, member.kappa, "1",                                       \
-                        whose ": sum of eta s^2, below 1 by design", NONNEGATIVE_VALUE),         \
-        TRACKING_OUTPUT("violation" suffix, member.violation, "1",                               \
-                        whose ": 1: outside the funnel or kappa >= 1", ALARM_VALUE),             \
-        TRACKING_OUTPUT("start_margin" suffix, member.start_margin, "1",                         \
-                        whose                                                                    \
-                        ": lesser of 1 - kappa(t_0) and distance of theta(t_0) to the nearer "   \
-                        "bound; must be > 0",                                                    \
+#define TELEMETRY_ROWS(member, suffix, whose)                                                  \
+    TRACKING_OUTPUT("theta" suffix, member.theta, "1",                                         \
+                    whose ": generalised state divided by its bound, order as in z" suffix,    \
+                    ANY_VALUE),                                                                \
+        TRACKING_OUTPUT("s" suffix, member.s, "1",                                             \
+                        whose ": mapped state, theta mapped from its bounds to all numbers",   \
+                        ANY_VALUE),                                                            \
+        TRACKING_OUTPUT("kappa" suffix, member.kappa, "1",                                     \
+                        whose ": sum of eta s^2, below 1 by design", NONNEGATIVE_VALUE),       \
+        TRACKING_OUTPUT("violation" suffix, member.violation, "1",                             \
+                        whose ": 1: outside the funnel or kappa >= 1", ALARM_VALUE),           \
+        TRACKING_OUTPUT("start_margin" suffix, member.start_margin, "1",                       \
+                        whose                                                                  \
+                        ": lesser of 1 - kappa(t_0) and distance of theta(t_0) to the nearer " \
+                        "bound; must be > 0",                                                  \
                         POSITIVE_VALUE)
 
 static const Variable variables[] = {

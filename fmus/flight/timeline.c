@@ -1,7 +1,7 @@
 /* timeline.c - decisions of the ground (go, retreat, resume) and faults (navigation that is not
  * valid) by a table of times.
  *
- * The last row whose times[i] is reached is in force. Before times[1] go_1, go_2, go_3 and
+ * The last row whose time is reached is in force. Before the first time go_1, go_2, go_3 and
  * relative_valid are 1, retreat and resume are 0. Columns of a row: go_1, go_2, go_3, retreat,
  * resume, relative_valid. */
 /* SPDX-License-Identifier: BSD-2-Clause */

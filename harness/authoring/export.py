@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Export of a changed system as one file: an .ssp with all FMUs and parameters, or one FMU compiled
-from the models of all components, if these are C sources of this project.
+from the models of all components, if each FMU contains C sources in the form of this project.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 A new sensor or plant that replaces no component is a copy of the example of its kind, with a system
 that extends another system by the new component. A new controller is a copy of the example of the
-project if it replaces a controller that commands force and torque. Any other new component has the
+project if the example fits the connected ports of the replaced one. Any other new component has the
 connected ports of the component that it replaces; until the user writes its law, its outputs have
 the start values of the inputs that they drive. A new mission extends a system and has its own
 figure, metric and claim.

@@ -122,7 +122,7 @@ def show_command(
 def check_command(
     *,
     system: Annotated[
-        str | None, argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of an .ssp or .fmu")
+        str | None, argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of a file or folder")
     ] = None,
     strict: Annotated[bool, option("--strict", "Treat warnings as errors")] = False,
     changes: Any,

@@ -93,7 +93,7 @@ RequireOption = Annotated[
     Texts, option("--require 'C.NAME >= 4 m'", "Require this in every row, else exit status 1")
 ]
 StrictOption = Annotated[
-    bool, option("--strict", "Exit with 1 unless all requirements and rules (report: claims too) are met")
+    bool, option("--strict", "Exit with 1 unless requirements, rules and claims (report) are met")
 ]
 PatienceOption = Annotated[
     float | None,

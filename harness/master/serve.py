@@ -86,7 +86,7 @@ class Board:
             raise FmuError(f"{fmu.name}: {problem}")
         place = built("board")
         if place is None:
-            raise UsageError("harness serve needs Linux or macOS: Unix sockets are missing")
+            raise UsageError("harness serve needs board.so, which `make` builds on Linux and macOS")
         self._files = ExitStack()
         folder = Path(self._files.enter_context(PrivateFolder()))
         unpack(fmu, folder)

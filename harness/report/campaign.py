@@ -215,7 +215,7 @@ def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
         curves.append(_line(canvas, bar, edge, name=factors[k], fill=True, colour=place))
         ends = [found["low"][k], found["high"][k]]
         curves.append(_line(canvas, ends, [float(place)] * 2, colour=place, dash="dash"))
-    return diagram(f"{name}: importance of the factors", "effect", "factor", curves)
+    return diagram(f"{name}: importance, with 95 % intervals", "effect", "factor", curves)
 
 
 def _convergence(canvas: Canvas, name: str, store: Store, column: int, found: Any) -> Plot:
@@ -247,5 +247,5 @@ def _parallel(canvas: Canvas, name: str, store: Store, column: int) -> Plot:
         _line(canvas, axis, numbers[k], colour=int(margins[k] < 0))
         for k in np.argsort(margins, kind="stable")[:WORST]
     ]
-    title = f"{name}: the worst {len(curves)} runs"
+    title = f"{name}: the worst {len(curves)} runs (orange: not met)"
     return diagram(title, "coordinate", "standard deviations", curves)

@@ -318,7 +318,7 @@ def _phase(canvas: Canvas, phase: Phase, result: Result, first: int) -> Plot | N
     names = {1: ("",), 3: AXES}.get(x.shape[1], tuple(str(k + 1) for k in range(x.shape[1])))
     curves = []
     for k, name in enumerate(names):
-        look: Plot = {"colour": k, "dash": DASHES[k], "ends": True}
+        look: Plot = {"colour": k, "dash": DASHES[k % len(DASHES)], "ends": True}
         if all(isinstance(source, str) for source in sources):
             parts = (canvas.arrays.instruction(result, str(source), k) for source in sources)
             look |= canvas.source(result, result.time[first], **dict(zip("xy", parts, strict=True)))

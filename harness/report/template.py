@@ -43,8 +43,9 @@ POLICY = (
     "style-src 'unsafe-inline'; script-src"
 )
 """Beginning of the Content-Security-Policy of every page, before the hashes of its scripts. It
-forbids the network and all other scripts. Inline styles are allowed, because Plotly and K3D write
-their own; `default-src 'none'` prevents them from loading files.
+forbids loading, sending and all other scripts. It does not prevent a script of the page from
+opening a window. Inline styles are allowed, because Plotly and K3D write their own;
+`default-src 'none'` prevents them from loading files.
 """
 
 

@@ -86,8 +86,8 @@ def given_names(
     name in the system), each of a scalar or of a whole vector or matrix.
 
     theirs, ours: existing scalar variables of the FMU and of the system. Raises ValueError for a
-    name that does not exist (with close matches), sizes that differ, and a name that is given
-    twice.
+    name that does not exist (with close matches), sizes that differ, and a name in the FMU that is
+    given twice.
     """
     their_families, our_families, names = families(theirs), families(ours), Names()
     for their, our in given:

@@ -177,7 +177,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     ),
     Figure(
         "speeds",
-        "Speed relative to the target",
+        "Speed relative to the target, and required speed",
         (
             Panel(
                 "actual [m/s]",

@@ -77,7 +77,7 @@ FIGURES = (
         "flexible_energies",
         "Energies of panels and slosh",
         (
-            Panel("kinetic, about C [J]", (Curve(ENERGIES[0], "kinetic"),)),
+            Panel("kinetic, about the centre of mass [J]", (Curve(ENERGIES[0], "kinetic"),)),
             Panel(
                 "springs and dampers [J]",
                 tuple(Curve(name, name.partition(".")[2][:-7]) for name in ENERGIES[1:]),

@@ -173,8 +173,8 @@ static unsigned fail_unanswered(Client *c)
 {
     if (c->reversed)
         return fail_request(c, "the board sends numbers in big-endian order, not little-endian");
-    return fail_request(c, "no answer to '%s' within %g s after %ld attempts", code_names[c->code],
-                        c->config.timeout, c->attempts);
+    return fail_request(c, "no answer to '%s' in %ld attempts of at most %g s each",
+                        code_names[c->code], c->attempts, c->config.timeout);
 }
 
 unsigned wait_for_answer(Client *c)

@@ -1,6 +1,5 @@
 /* Phases, events and violations in the replay of a run that a live page has made, computed from the
- * arrays of this run. Their texts are taken from the page, into which harness/report/timeline.py
- * has written them. */
+ * arrays of this run. The names of phases, values and rules are taken from the scene in the page. */
 "use strict";
 const Course = (() => {
   const VIOLATED = 2, DARK = 0.5;

@@ -135,8 +135,8 @@ function makeSky(view) {
       }
       if (found.rings) found.rings.visible = !view.hidden.has("rings");
     },
-    /* directs the light from the Sun; in a run without a date, the light comes from behind the
-     * eye */
+    /* directs the light from the Sun; in a scene without a Sun, the light comes from behind
+     * the eye */
     shine(camera) {
       if (sun) light.position.copy(towards).multiplyScalar(1e6);
       else light.position.copy(camera.position).addScaledVector(camera.up, camera.position.length() * 0.8);

@@ -230,7 +230,7 @@ class Share(NamedTuple):
         low, high = (100 * bound for bound in self.interval())
         bounds = f" (95 %: {low:.1f} to {high:.1f} %)" if self.evaluated else ""
         share = f", {100 * self.share:.1f} %{bounds}" if self.evaluated else ""
-        open_ = f", {len(self.unjudged)} not judged" if self.unjudged else ""
+        open_ = f", {len(self.unjudged)} without a verdict" if self.unjudged else ""
         return f"{self.met} of {self.evaluated}{share}{open_}"
 
 

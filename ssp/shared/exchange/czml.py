@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Writing of the bodies of a result as CZML, which Cesium shows about the Earth.
 
-Positions are in the inertial axes N; Cesium treats them as ICRF, which differs from EME2000 by 23
-mas. Orientations are relative to the Earth-fixed axes, as CZML requires: they are converted by the
-IAU 2006/2000A matrix of every instant, with UT1 = UTC and without polar motion, which causes an
-error below 0.005 deg.
+Positions are in the inertial axes N, which are taken as EME2000; Cesium treats them as ICRF, which
+differs by 23 mas. Orientations are relative to the Earth-fixed axes, as CZML requires: they are
+converted by the IAU 2006/2000A matrix of every instant, with UT1 = UTC and without polar motion,
+which causes an error below 0.005 deg.
 """
 
 from __future__ import annotations

@@ -299,9 +299,9 @@ def test_a_metric_is_shown_with_its_mean_deviation_ends_and_percentiles():
 
 def test_a_share_is_shown_with_its_interval():
     low, high = stats.binomtest(3, 4).proportion_ci(0.95, "wilson")
-    shown = f"3 of 4, 75.0 % (95 %: {100 * low:.1f} to {100 * high:.1f} %), 1 not judged"
+    shown = f"3 of 4, 75.0 % (95 %: {100 * low:.1f} to {100 * high:.1f} %), 1 without a verdict"
     assert str(summary.Share(3, 4, [1], [4])) == shown
-    assert str(summary.Share(0, 0, [], [0, 1])) == "0 of 0, 2 not judged"
+    assert str(summary.Share(0, 0, [], [0, 1])) == "0 of 0, 2 without a verdict"
 
 
 def test_factors_that_vary_are_those_with_more_than_one_number():

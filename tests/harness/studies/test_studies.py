@@ -353,7 +353,7 @@ def test_sensitivity_finds_slopes_and_exact_zeros(system, tmp_path):
         step = 3 * np.diff(stats.norm.ppf([0.125, 0.625])).item() / 0.5
         assert value[0] == pytest.approx(step if method == "morris" else 1, rel=0.1)
         assert "without any effect: bad.t_fail" in study.summary()
-        assert "small: importance of the factors" in of_dataset(path)
+        assert "small: importance, with 95 % intervals" in of_dataset(path)
 
 
 REJECTED = {
