@@ -133,7 +133,7 @@ class RequirementError(HarnessError):
 
 
 class ResultsError(HarnessError):
-    """Results file that cannot be written or read."""
+    """Output that cannot be written; result or dataset that is unreadable or lacks a part."""
 
 
 # ---- libraries that only some commands need

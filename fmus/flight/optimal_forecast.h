@@ -18,7 +18,8 @@
 
 /* samples in a second; longest time to compute the first plan to a goal [s] */
 enum { SAMPLES = 10, MOST_SECONDS = 20 };
-/* longest duration of a path [s]: 60 nodes of 20 s, each of four tumble steps of at least 5 s */
+/* longest duration of a path [s]: 60 nodes of 20 s, for which four steps of the tumble suffice, as
+ * the parameter tumble_step is at least 5 s */
 #define LONGEST_DURATION 1200.0
 
 enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };

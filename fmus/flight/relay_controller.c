@@ -100,7 +100,7 @@ static const Variable variables[] = {
         sigma_v, "m/s",
         "switching function of translation; > 0: main engine, < 0: brakes; 0 while translate is 0"),
     OUTPUT(domega_S, "rad/s", "required minus present angular velocity, servicer axes"),
-    OUTPUT(e_v, "m/s", "required minus present velocity along X"),
+    OUTPUT(e_v, "m/s", "required minus present velocity along +X of the servicer"),
 };
 
 /* B.5-5 */

@@ -287,8 +287,8 @@ class _Runs(NamedTuple):
 
     @property
     def many(self) -> bool:
-        """Return whether there are so many runs that they are drawn thin, with a band instead of a
-        legend.
+        """Return whether there are so many runs that they are drawn thin, with a colour scale for a
+        legend, and with a band of percentiles if all have the same times.
         """
         return len(self.results) >= MANY
 

@@ -209,12 +209,13 @@ class Requirement:
 
     def _exercised(self, node: Node, looked: int, negated: bool = False) -> int:
         """Return the number of the instruction that gives whether a condition is exercised. A
-        comparison is exercised if it affects the outcome in at least one row; `and`, if all its
-        parts are exercised; `or`, if at least one part is. A row in which a condition on time or
-        the premise of implies() alone decides an `or` does not count for its other parts.
+        comparison is exercised if at least one row counts for it; `and`, if all its parts except
+        conditions on time and premises of implies() are exercised; `or`, if at least one of these
+        parts is. Every row counts, unless a condition on time or the premise of implies() alone
+        decides an `or` in this row.
 
-        looked: number of the instruction that gives 1 in the rows in which `node` affects the
-        outcome, else 0; negated: whether `node` is inside an odd number of `not`, which make an
+        looked: number of the instruction that gives 1 in the rows that count for `node`, else 0;
+        negated: whether `node` is inside an odd number of `not`, which make an
         `and` of an `or` and the reverse.
         """
         if node.is_timing:

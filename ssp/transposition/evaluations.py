@@ -144,7 +144,7 @@ def descent(result: Result) -> tuple[float, ...]:
 
 def tracking_error(result: Result) -> tuple[float, ...]:
     """Return the largest angle from the reference attitude [deg], its time [s], and the angle in
-    the last row [deg].
+    the last row but one, the last with a reference [deg].
     """
     error = tracking(result)[since(result, 0.0, window(result))[:-1]]
     return error.max(), result.time[error.argmax()], error[-1]

@@ -61,8 +61,8 @@ static inline double least_along(const Arc *arc, vec3 u)
 }
 
 /* Bernstein coefficients of |p|^2 along an arc, a polynomial of degree 6 whose values are
- * between the least and the largest coefficient. Both bounds are exact for a monotonic distance
- * and close for a nearly constant distance. */
+ * between the least and the largest coefficient. A bound is exact if its coefficient is the first
+ * or the last, as for nearly every monotonic distance, and close for a nearly constant distance. */
 enum { SQUARE = 7 };
 typedef struct { double c[SQUARE], least, most; } Square;
 

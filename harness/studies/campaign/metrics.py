@@ -45,7 +45,8 @@ def metric(text: str, folder: Path) -> BaseMetric:
 
 def read(name: str, text: str, folder: Path) -> BaseMetric:
     """Return the metric `name`, which a text defines. If the name is `success` and the text is a
-    requirement, the metric is 1 if the requirement is met in every row, else 0.
+    requirement, the metric is 1 if the requirement is met and 0 if not; it raises ValueError for a
+    run in which the requirement is not exercised or cannot be evaluated.
 
     folder: folder in which the Python file of a user's function is searched.
     """
