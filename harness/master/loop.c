@@ -1,8 +1,8 @@
 /* loop.c - macro steps of a run: the calls of FMI functions that schedule.py lists, made in C.
  *
  * This executor makes the same calls in the same order with the same buffers as the Python
- * executor, so the results agree bit for bit. Python prepares the calls (executors.py has the same
- * structs); the code here neither allocates memory nor uses Python. */
+ * executor, so the results agree bit for bit. Python prepares the calls (executors.py and
+ * transfer.py have the same structs); the code here neither allocates memory nor uses Python. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include <stddef.h>
 #include <stdint.h>
@@ -219,6 +219,7 @@ static int get_other(const Call *c, const Moment *now)
     int status = call_3(c);
     for (size_t i = 0; i < c->wires && status <= fmi3Warning; i++) {
         const double x = conversion[c->type].take(c->value, c->at[i]);
+        if (!c->finite && !isfinite(x)) return NOT_FINITE;
         if (is_wide(c, c->at[i], x)) return TOO_WIDE;
         now->bus[c->slot[i]] = x;
     }
@@ -271,9 +272,10 @@ static Stop part(const Call *calls, size_t i, size_t end, const Run *run, long k
     return (Stop){k, end, fmi2OK};
 }
 
-/* Performs macro steps first .. last - 1, then the calls of macro step `last` before call `pause`.
- * There the run pauses, so that the user can set the outputs of an open component. ready: 1 if the
- * run already pauses before call `pause` of macro step `first`, 0 if this step has not begun. */
+/* Performs macro steps first .. last - 1, then, if the run goes on, the calls of macro step `last`
+ * before call `pause`. There the run pauses, so that the user can set the outputs of an open
+ * component. ready: 1 if the run already pauses before call `pause` of macro step `first`, 0 if
+ * this step has not begun. */
 EXPORT Stop execute(const Call *calls, size_t count, const Run *run, long first, long last,
                     size_t pause, int ready)
 {
@@ -305,8 +307,8 @@ EXPORT void execute_all(Stretch *stretches, size_t count)
         s->stop = execute(s->calls, s->count, s->run, s->first, s->last, s->pause, 1);
 }
 
-/* Replacements of fmi2GetReal and fmi3GetFloat64 for an open component: nothing is read, because
- * the buffer already contains the values that the user has set. */
+/* Replacements of fmi2GetX and fmi3GetX for an open component: nothing is read, because the buffer
+ * already contains the values that the user has set. */
 EXPORT fmi2Status held_2(fmi2Component component, const fmi2ValueReference reference[],
                          size_t count, fmi2Real value[])
 {

@@ -100,7 +100,7 @@ class Transfer:
         that a double cannot represent. Return None if all values are valid.
         """
         values = zip(self.names, self.view[self.at], strict=True)
-        if self.real and not np.isfinite(self.view).all():
+        if self.view.dtype.kind == "f" and not np.isfinite(self.view).all():
             first = next((name for name, value in values if not np.isfinite(value)), None)
             return "output is not a finite number", first
         for name, value in values if self.access in WIDE else ():

@@ -194,9 +194,11 @@ COUNT = Model(
         Var("flag", "Boolean", "output"), Var("colour", "Enumeration", "output"),
         Var("big", "Float64", "parameter"), Var("stop_at", "Float64", "parameter", "1e9"),
         Var("early_at", "Float64", "parameter", "1e9"),
-        Var("fail_at", "Float64", "parameter", "1e9"),
+        Var("fail_at", "Float64", "parameter", "1e9"), Var("single", "Float32", "output"),
+        Var("lost_at", "Float64", "parameter", "1e9"),
     ),
     "c += 1; n = (fmi3Int64)c; wide = (fmi3UInt64)(big * c) + (c > 3 && big > 0); "
+    "single = t >= lost_at ? (fmi3Float32)NAN : 1; "
     "flag = n % 2; colour = n % 2 ? 1 : 7; *terminate = t >= stop_at; *early = t >= early_at;"
     'if (t >= fail_at) return fail(self, "burnt, 100 % of fuse");',
 )  # fmt: skip
@@ -253,6 +255,13 @@ def test_all_types_go_over_the_bus(built, executor):
     y = result["every.y"][-1]
     assert (y[0], y[2]) == (2 * 1 + 3, 2 * 3 + 3)
     assert y[1] in (2 * result["count.c"][-1] + 3, 2 * result["count.c"][-2] + 3)
+
+
+@pytest.mark.parametrize("executor", ["c", "python"])
+def test_a_single_precision_output_that_is_not_a_number_is_named(built, executor):
+    system = system_of({"count": built["count"]}, count__lost_at=0.45)
+    with pytest.raises(RunError, match=r"^count\.single: output is not a finite number"):
+        simulated(system, executor)
 
 
 def test_both_executors_agree(built):
