@@ -22,13 +22,19 @@ from harness.master.child import Child, Send
 from harness.master.isolated import all_ours
 from harness.results.result import Array, Result
 from harness.ssp.library import load
+from harness.studies.campaign.draft import read_plan
 
 
 def trusted(system: str | Path, how: Mapping[str, Any]) -> bool:
     """Return whether all FMUs of an environment belong to this package, so that none can crash.
+    With a campaign that swaps FMUs the result is False.
 
     how: arguments of the environment.
     """
+    if factors := how.get("factors"):
+        table = read_plan(factors)[0].table
+        if table.fixed.swap or any(name.startswith("swap.") for name in table.factors):
+            return False
     given: Changes = {"swap": how.get("swap", ()), "map": how.get("map", ())}
     with load(system) as found:
         return all_ours(apply(found, **given))
@@ -43,8 +49,8 @@ def environment(system: str | Path, **how: Any) -> Environment | Apart:
 
 
 class Apart(gymnasium.Env[Array, Array], EzPickle):
-    """Environment in a child process, with the methods and arguments of Environment. Every call is
-    sent to the child.
+    """Environment in a child process, with the arguments of Environment and its methods reset(),
+    step(), result() and close(). The first three are performed by the child.
     """
 
     def __init__(self, system: Any, **how: Any) -> None:
@@ -67,7 +73,8 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
             setattr(self, name, self._call(name))
 
     def _call(self, name: str, *arguments: Any, **named: Any) -> Any:
-        self._pipe.send((name, arguments, named))
+        with suppress(BrokenPipeError):  # the child has ended: _answer() raises
+            self._pipe.send((name, arguments, named))
         return self._answer()
 
     def _answer(self) -> Any:
@@ -75,11 +82,8 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         raised there, or FmuError if the process has ended.
         """
         if self._pipe in wait([self._pipe, self._child.process.sentinel]):
-            try:
+            with suppress(EOFError, OSError):
                 error, value = self._pipe.recv()
-            except (EOFError, OSError):
-                error, value = None, None
-            else:
                 if error is not None:
                     raise error
                 return value
@@ -107,7 +111,7 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         """
         try:
             found: tuple[Array, float, bool, bool, dict[str, Any]] = self._call("step", action)
-        except (FmuError, BrokenPipeError) as error:
+        except FmuError as error:
             return self._observation, 0.0, True, False, {"ended": [str(error)], "margins": {}}
         self._observation = found[0]
         return found

@@ -57,6 +57,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         scale: Mapping[str, float] | None = None,
         factors: str | Path | None = None,
         stride: int = 1,
+        begin: int = 0,
         record: int = 0,
         **changes: Any,
     ) -> None:
@@ -67,7 +68,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         found = self._life.enter_context(load(system))
         usual = _usual(found, open)
         self._simulate(found, usual, every, record, changes)
-        self._run, self._stride, self._error = -stride, stride, ""
+        self._run, self._stride, self._error = begin - stride, stride, ""
         limits = bounds or {}, actuator_limits(found), dict(usual.bounds)
         self._look_up(Spaces(self.simulation, (observe, act), limits, scale))
         self._start = self.result()
@@ -117,8 +118,8 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
 
         If the environment has a campaign (`factors`), the episode starts like run k of this
         campaign: k is options["run"], or else the seed, or else k of the last episode plus
-        `stride` (0 in the first episode), all modulo the number of runs. `stride` is the number of
-        environments in a vector of environments, by default 1.
+        `stride` (`begin` in the first episode), all modulo the number of runs. In a vector of
+        environments `stride` is their number and `begin` the index of this one, else 1 and 0.
         """
         super().reset(seed=seed)
         plan, given = self._plan, (options or {}).get("run", seed)
@@ -199,7 +200,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
 
     def values(self) -> tuple[float, ...]:
         """Return reward, cost so far, end, intervention and the further values of Scoring in the
-        last recorded row. Macro steps that are not recorded are not evaluated.
+        last recorded row. Earlier rows of the same action are not evaluated.
         """
         recorder, clock = self.simulation.recorder, self.simulation.clock
         done, every = recorder.done, recorder.every

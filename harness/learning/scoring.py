@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Rewards and ends of episodes. The expressions of requirements, reward, cost and conditions are
-compiled into one program, which is evaluated in each recorded row.
+compiled into one program, which is evaluated at the end of each action.
 """
 
 from __future__ import annotations

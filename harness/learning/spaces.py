@@ -192,8 +192,7 @@ class Spaces:
         """Return the observations (..., n) of n variables for the values (..., m) of all m signals
         of simulations.
         """
-        found: Array = buses[..., self._slots] * self._factors + self._offsets
-        return found
+        return np.asarray(buses[..., self._slots] * self._factors + self._offsets)
 
     def commands(self, actions: Any) -> Array:
         """Return the values (..., n) of the n outputs that the agent sets, in the units of the

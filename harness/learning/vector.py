@@ -28,8 +28,8 @@ def environments(num_envs: int, system: str | Path, **how: Any) -> VectorEnv[Arr
     """
     if trusted(system, how):
         return Environments(num_envs, system=system, **how)
-    one = partial(environment, system, stride=num_envs, **how)
-    return SyncVectorEnv([one] * num_envs)
+    each = partial(environment, system, stride=num_envs, **how)
+    return SyncVectorEnv([partial(each, begin=i) for i in range(num_envs)])
 
 
 class Environments(VectorEnv[Array, Array, Array]):

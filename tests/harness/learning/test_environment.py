@@ -2,6 +2,8 @@
 """Systems as environments: the bits of the run, rewards that are what is evaluated, episodes."""
 
 import pickle
+import shutil
+import zipfile
 
 import gymnasium
 import numpy as np
@@ -9,9 +11,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from harness import environment, run
-from harness.errors import UsageError
+from harness.errors import FmuError, UsageError
 from harness.files import paths
-from harness.learning.apart import Apart
+from harness.learning.apart import Apart, trusted
 from harness.learning.scoring import Scoring
 from harness.learning.vector import Environments, environments
 from harness.mission.library import campaigns
@@ -277,6 +279,35 @@ def test_third_party_fmus_of_a_vector_run_in_child_processes(make):
         _, _, lost, *_ = vector.step(np.full((2, 1), 3.0))
         assert lost.tolist() == [k == 2] * 2
     vector.close()
+
+
+def test_third_party_fmus_that_a_campaign_swaps_in_run_in_child_processes(tmp_path):
+    assert trusted("sync_approach", {})
+    fmu, file = tmp_path / "third.fmu", tmp_path / "c.toml"
+    shutil.copy(paths.fmus()["adaptive_controller"], fmu)
+    with zipfile.ZipFile(fmu, "a") as archive:
+        archive.writestr("resources/own.txt", "own")
+    masses = '"servicer.mass_0" = {uniform = {low = 100.0, high = 110.0}}'
+    for table in (
+        f'runs = 2\n[fixed]\nswap = {{controller = "{fmu}"}}\n[factors]\n{masses}\n',
+        f'[factors]\n"swap.controller" = {{list = ["{fmu}"]}}\n',
+    ):
+        file.write_text(f'system = "sync_approach"\n{table}')
+        assert not trusted("sync_approach", {"factors": file})
+
+
+def test_environments_of_a_vector_in_child_processes_begin_with_runs_of_their_own():
+    file, how = campaigns()["ppc_tracking_worst"], {"stop": 1.0, "every": 20, "stride": 2}
+    runs = []
+    for i in range(2):
+        env = Apart("ppc_tracking", factors=file, begin=i, **how)
+        runs += [env.reset()[1]["run"] for _ in range(2)]
+        env._child.process.kill()
+        env._child.process.join()
+        with pytest.raises(FmuError, match="SIGKILL"):
+            env.result()
+        env.close()
+    assert runs == [0, 2, 1, 3]
 
 
 def test_after_a_crash_the_campaign_goes_on():
