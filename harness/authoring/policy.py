@@ -160,12 +160,14 @@ def read(path: Path) -> Policy:
     """Return the policy in an .npz or .onnx file; raise UsageError if the file is no policy."""
     try:
         return _onnx(path) if path.suffix == ".onnx" else _npz(path)
-    except (KeyError, ValueError, TypeError, OSError) as error:
+    except ImportError as error:
+        raise UsageError(f"{path}: needs the package onnx: pip install onnx") from error
+    except Exception as error:  # numpy, zipfile and onnx raise many kinds for a damaged file
         raise UsageError(f"{path}: is not a policy ({error})") from error
 
 
 def _npz(path: Path) -> Policy:
-    with np.load(path, allow_pickle=False) as file:
+    with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
         count = sum(name.startswith("W_") for name in file)
         layers = [(file[f"W_{i}"], file[f"b_{i}"]) for i in range(count)]
         return Policy(Ports(**json.loads(str(file["ports"]))), layers, str(file["activation"]))
@@ -175,11 +177,9 @@ def _onnx(path: Path) -> Policy:
     """Return the policy in an .onnx file; raise ValueError for a graph other than a chain of layers
     (Gemm, or MatMul and Add) with the same activation between any two and none after the last.
     """
-    try:
-        import onnx
-        from onnx import numpy_helper
-    except ImportError as error:
-        raise UsageError(f"{path}: needs the package onnx: pip install onnx") from error
+    import onnx
+    from onnx import numpy_helper
+
     model = onnx.load(path)
     about = {entry.key: entry.value for entry in model.metadata_props}
     arrays = {x.name: numpy_helper.to_array(x).astype(np.float64) for x in model.graph.initializer}

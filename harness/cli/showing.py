@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Texts and tables that `harness list` and `harness show` print, at most WIDEST characters wide and
-without colours.
+"""Texts and tables that `harness list` and `harness show` print, without colours. The texts of
+`harness show` are at most WIDEST characters wide.
 """
 
 from __future__ import annotations
@@ -145,7 +145,9 @@ def value_text(value: Nested) -> str:
 
 
 def _number(value: Any) -> str:
-    return format(value, ".7g") if isinstance(value, float) else "" if value is None else str(value)
+    if isinstance(value, float):
+        return format(value, ".7g")
+    return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _limits(s: Signal) -> str:

@@ -17,6 +17,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from lzma import LZMAError
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -41,7 +42,7 @@ DATE = (1980, 1, 1, 0, 0, 0)
 MAX_ENTRY = 64 * 1024**2
 """Largest file that is read by itself, as by read_entry() [bytes]; read_all() has no such limit."""
 
-_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError, OSError)
+_DAMAGE = (zipfile.BadZipFile, zlib.error, LZMAError, EOFError, RuntimeError, ValueError, OSError)
 """Exceptions of zipfile for archives that are damaged, encrypted or compressed by a method that
 Python does not support.
 """
@@ -121,8 +122,8 @@ def head(path: Path, name: str, count: int) -> bytes:
 
 @contextmanager
 def _opened(path: Path, done: str, content: bytes | None = None) -> Iterator[zipfile.ZipFile]:
-    """Yield an archive opened for reading, and raise every failure in the `with` block as an
-    ArchiveError. done: word for the error message, "read" or "unpacked".
+    """Yield an archive opened for reading, and raise the exceptions _DAMAGE in the `with` block as
+    an ArchiveError. done: word for the error message, "read" or "unpacked".
     """
     if not is_file(path):
         raise ArchiveError(f"{path}: no such file")

@@ -55,7 +55,7 @@ class Provenance:
     or path of the system as the user gave it; sha256: of the .ssp ("": the system was made in
     Python); params: parameter set or file; params_sha256: of the file; set: (`component.variable`,
     value), the value as the user gave it, a text or of another type; swaps: FMUs that replaced the
-    FMU of a component; on: (component, processor) for components that ran on another processor;
+    FMU of a component; on: (component, place) as in the option --on, for moved components;
     maps: (name in the FMU, name in the system) of mapped ports; latency: (component, macro steps)
     as given; algorithm, step [s], stop [s], epoch (UTC of t = 0, "": none), schedule, executor,
     every (macro steps per recorded row): values in the run; requirements: (name, text); command:
@@ -222,7 +222,8 @@ def table(provenance: Provenance) -> dict[str, Any]:
 
 def from_table(given: Mapping[str, Any]) -> Provenance:
     """Return the provenance for a dict that table() made; raise ValueError if its schema is newer
-    than SCHEMA. Fields may be added without a new schema, so unknown fields are ignored.
+    than SCHEMA or a field has a wrong type. Fields may be added without a new schema, so unknown
+    fields are ignored.
     """
     if _field("schema", given.get("schema", SCHEMA)) > SCHEMA:
         raise ValueError(
@@ -298,7 +299,7 @@ def differences(ours: Provenance | None, theirs: Provenance | None) -> list[str]
     """
     if ours is None or theirs is None:
         return []
-    names = ("system", "params", "algorithm", "step", "stop", "every", "maps", "schedule")
+    names = ("system", "params", "algorithm", "step", "stop", "epoch", "every", "maps", "schedule")
     found = [name for name in names if getattr(ours, name) != getattr(theirs, name)]
     if _values(ours) != _values(theirs):
         found.append("set")

@@ -181,7 +181,7 @@ def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
     root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
     for name, given in parameters.items():
-        kind = "String" if isinstance(given.value, str) else "Real"
+        kind = {str: "String", bool: "Boolean"}.get(type(given.value), "Real")
         child(child(table, "ssv:Parameter", name=name), f"ssv:{kind}", value=given.value)
     return serialized(root, pretty=True)
 

@@ -2,7 +2,7 @@
 """Names and values of scalar variables, in FMUs and as users write them.
 
 FMI 2.0 has scalars only, so names contain the structure: `J[1,2]` is element (1, 2) of `J`. Only
-this module splits names into variable and indices. Indices may begin at any number (`x[0]`), and
+this module splits names in this style. Indices may begin at any number (`x[0]`), and
 other tools write blanks between them (`J[1, 2]`).
 
 A vector `rho = [0, 20, 0]` represents `rho[1]`, `rho[2]`, `rho[3]`; a matrix `J = [[1, 2], [3, 4]]`
@@ -119,8 +119,8 @@ Value: TypeAlias = "Scalar | Sequence[Value]"
 
 
 def parse(text: str) -> Value:
-    """Return the value of `--set name=text`: a number, true or false, or a (nested) list, read as
-    TOML; otherwise the text itself.
+    """Return the value of `--set name=text`: a number, or any value that the text has in TOML, such
+    as true, a (nested) list or a text without its quotes; otherwise the text itself.
     """
     try:
         number = float(text)
@@ -136,7 +136,7 @@ def parse(text: str) -> Value:
 
 
 DEEPEST = 50
-"""Largest depth of nested tables and lists."""
+"""Largest depth of nested tables and lists, not counting the outermost one."""
 
 
 def too_deep(value: Any) -> bool:
@@ -183,8 +183,8 @@ def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 def expand(name: str, value: Value, first: Index = ()) -> dict[str, Scalar]:
     """Return a dictionary with the scalars in a value, by name: `name` for a number, `name[i]` for
-    a list, `name[i,j]` for a list of lists; first: indices of the first element of the
-    list; () means 1, or 1,1.
+    a list, `name[i,j]` for a list of lists; raise ValueError for an empty list. first: indices of
+    the first element, () for index 1 or indices 1,1.
     """
     elements = list(_elements(value, (), first))
     if not elements:
@@ -241,7 +241,7 @@ def _as_a_list(value: Value, elements: Sequence[str]) -> str:
         return f"; write [{value}]" if "," in value else ""
     if isinstance(value, Sequence):
         return "; the FMU fixes the number of elements"
-    is_vector = len(index(elements[0])) == 1
+    is_vector = isinstance(value, int | float) and len(index(elements[0])) == 1
     return f"; write [{', '.join([f'{value:.12g}'] * len(elements))}]" if is_vector else ""
 
 
@@ -332,10 +332,10 @@ class Variable:
     size: number of elements of the array.
 
     items: values of an enumeration by their names; type_name: name of the enumeration; start: start
-    value as a number (None: there is none, or the variable is a String); begin: start value in any
-    type; low, high: declared limits; optional: whether an annotation permits an input to remain
-    unconnected, with its start value; modes: for a variable whose values 0, 1, ... are modes, their
-    names, such as "far|hold 1|closing"; "" for any other variable.
+    value as a number (None: there is none, or the type is String or Binary); begin: start value in
+    any type; low, high: declared limits; optional: whether an input may remain unconnected, because
+    an annotation permits its start value or its type is Binary; modes: for a variable whose values
+    0, 1, ... are modes, their names, such as "far|hold 1|closing"; "" for any other variable.
     """
 
     name: str

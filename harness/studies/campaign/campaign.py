@@ -37,9 +37,9 @@ from harness.studies.reuse import compiling
 _log = logging.getLogger("harness")
 
 BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 8, 200, 2_000_000
-"""Smallest number of blocks into which a campaign is divided; largest numbers of runs and of macro
-steps in a block. The runs of a block are written together. A block takes some seconds, which are
-lost if the campaign is interrupted.
+"""Least number of blocks of a campaign with enough runs; largest numbers of runs and of macro steps
+in a block, unless Task.block() needs more. The runs of a block are written together. A block takes
+some seconds, which are lost if the campaign is interrupted.
 """
 
 
@@ -194,7 +194,7 @@ def _decided(rule: Until, status: Array, success: Array) -> int | None:
     """
     pending = np.flatnonzero(status == PENDING)
     end = pending[0] if len(pending) else None
-    return rule.decided((success[:end] != 1).tolist())
+    return rule.decided((~(success[:end] > 0)).tolist())
 
 
 def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:

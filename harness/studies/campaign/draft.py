@@ -137,15 +137,14 @@ class _Draft:
         table = self.table
         named = {f"expected.{name}": name for name in table.expected if name != SUCCESS}
         if isinstance(table.worst, str) and table.worst:
-            named["worst"] = table.worst.lstrip("-")
+            named["worst"] = table.worst.removeprefix("-")
         for place, name in named.items():
-            if name not in table.texts:
-                close = did_you_mean(name, table.texts)
+            if name not in (known := table.texts.keys() - {SUCCESS}):
+                close = did_you_mean(name, known)
                 self.problems.append(f"{place}: there is no metric {name}{close}")
-        spans = table.expected.items()
         self.problems += [
             f"expected.{n}: expected [least, largest], got [{a}, {b}]"
-            for n, (a, b) in spans
+            for n, (a, b) in table.expected.items()
             if a > b
         ]
         listed = any(f.list or f.range for f in table.factors.values())
@@ -162,8 +161,8 @@ class _Draft:
     # ---- against the system
 
     def _fits(self, system: System, factors: Sequence[Factor]) -> None:
-        """Check that the system accepts the fixed changes, the requirements, values of all factors,
-        and the seeds; add the problems found.
+        """Check that the system accepts the fixed changes, the requirements, all listed values and
+        the median of every random factor, and the seeds; add the problems found.
         """
         fixed: Any = dict(self.plan.definition.get("fixed", {}))
         start = self._applied("fixed", system, fixed)

@@ -36,8 +36,8 @@ limit. If the true probability is p1, no test of equal error rates needs fewer r
 
 
 def wald(failures: int, runs: int, probability: float, confidence: float) -> bool | None:
-    """Return whether the failure probability is below `probability`: True, False, or None if the
-    runs do not decide it.
+    """Return True if the runs show that the failure probability is below `probability`, False if
+    they show that it is above probability / CLAIM, None if they show neither.
 
     The test compares p1 = probability / CLAIM with p0 = probability by the likelihood ratio
 
@@ -75,8 +75,8 @@ class Until(Struct, frozen=True):
 
     def decided(self, failed: Sequence[bool]) -> int | None:
         """Return the number of runs, from the first on, after which Wald's test is decided; None if
-        it is not decided after all runs, or if `fixed` is set. failed: whether each run failed, in
-        the order of the runs.
+        it is not decided after all runs, or if `fixed` is set. failed: whether each run failed or
+        has no verdict, in the order of the runs.
         """
         if self.fixed:
             return None
@@ -89,14 +89,14 @@ class Until(Struct, frozen=True):
 
     def verdict(self, failures: int, runs: int) -> str:
         """Return one line that states the required success, whether the runs prove it, and the
-        test. failures: number of failed runs; runs: number of all runs.
+        test. failures: number of runs that failed or have no verdict; runs: number of all runs.
         """
         needed = f"success above {100 * self.success:g} % at {100 * self.confidence:g} % confidence"
         if self.fixed:
             word = "shown" if failures == 0 and runs >= self.runs else "NOT shown"
             rule = f"Wilks: {self.runs} runs without a failure"
         else:
-            words = {True: "shown", False: "disproved", None: "not decided"}
+            words = {True: "shown", False: "NOT shown", None: "not decided"}
             word = words[wald(failures, runs, 1 - self.success, self.confidence)]
             rule = "Wald's test"
         return f"{needed}: {word} by {runs} runs, {failures} failed ({rule})"

@@ -374,8 +374,8 @@ def expectations(store: Store) -> Iterator[Outcome]:
 
 
 def _mean(store: Store, name: str) -> tuple[float, str]:
-    """Return the mean of a metric over all runs that have ended, or the share of `success`; also a
-    text that states in how many of these runs the value is missing or infinite.
+    """Return the mean of a metric over all ended runs in which it has a value, or the share of
+    `success`; also a text that states in how many ended runs the value is missing or infinite.
     """
     if name == SUCCESS and (share := success(store)) is not None:
         count, runs = {"not judged": len(share.unjudged)}, share.evaluated + len(share.unjudged)
@@ -390,7 +390,9 @@ def _mean(store: Store, name: str) -> tuple[float, str]:
 
 
 def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[str]:
-    """Yield the lines of the table of statistics, a line per metric."""
+    """Yield the lines of the table of statistics: headings, and a line per metric with a finite
+    value.
+    """
     shown = {name: with_unit(name, units) for name in metrics}
     width = max(map(len, shown.values()))
     heads = ("mean", "std", "least", *(f"{p} %" for p in PERCENTILES), "most")
@@ -409,7 +411,9 @@ def statistics(values: Array) -> list[float]:
 
 
 def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterator[str]:
-    """Yield a line per metric with its most influential factors: rank correlation and effect."""
+    """Yield a line per metric with its most influential factors, their rank correlation and effect,
+    then a line per metric for which factors are left out.
+    """
     for name, column in metrics.items():
         best = ranked(factors, column, SHOWN)
         found = [
@@ -448,7 +452,9 @@ def failures_by_category(store: Store) -> dict[int, str]:
 
 
 def _failures(store: Store, shown: str) -> Iterator[str]:
-    """Yield the reason for each run without success, and the command that repeats the run."""
+    """Yield the reason for each run without success, at most LISTED, and the command that repeats
+    the run; then a line on further such runs.
+    """
     found = failures_by_category(store)
     for run, why in list(found.items())[:LISTED]:
         yield f"failed: run {run}: {one_line(why)}"
@@ -470,8 +476,9 @@ def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
     given = needed if needed and isinstance(needed, str) else next(iter(metrics))
     name = given.removeprefix("-")
     sign = 1.0 if given.startswith("-") else -1.0
-    order = np.argsort(sign * metrics[name], kind="stable")
-    return name, [int(k) for k in order if not np.isnan(metrics[name][k])][:WORST]
+    values = metrics.get(name, np.empty(0))
+    order = np.argsort(sign * values, kind="stable")
+    return name, [int(k) for k in order if not np.isnan(values[k])][:WORST]
 
 
 def _worst(store: Store, metrics: Mapping[str, Array], shown: str) -> Iterator[str]:

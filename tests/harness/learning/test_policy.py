@@ -69,9 +69,10 @@ def test_networks_that_do_not_fit_are_errors(learned, tmp_path):
         env.policy([(np.zeros((4, 3)), np.zeros(4))])
     with pytest.raises(UsageError, match="has 4 outputs for 6 commanded values"):
         env.policy([(np.zeros((4, 9)), np.zeros(4))])
-    (tmp_path / "bad.npz").write_bytes(b"nothing")
-    with pytest.raises(UsageError, match="is not a policy"):
-        build(tmp_path / "bad.npz")
+    for content in (b"nothing", b"", b"PK\x03\x04garbage"):
+        (tmp_path / "bad.npz").write_bytes(content)
+        with pytest.raises(UsageError, match="is not a policy"):
+            build(tmp_path / "bad.npz")
 
 
 @pytest.mark.interop

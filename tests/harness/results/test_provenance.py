@@ -19,7 +19,15 @@ from harness.errors import UsageError
 from harness.files import paths
 from harness.mission import Case, Paper
 from harness.results.files import ResultFile
-from harness.results.provenance import Provenance, Slot, flat, from_flat, from_table, table
+from harness.results.provenance import (
+    Provenance,
+    Slot,
+    differences,
+    flat,
+    from_flat,
+    from_table,
+    table,
+)
 from harness.studies.rerun import again, agreement
 from harness.system.model import Swap
 
@@ -188,11 +196,11 @@ def test_other_times_parameters_and_schedules_are_other_bits(changed):
         ),
         (
             {"provenance": replace(changed.provenance, schedule=schedule)},
-            "bits differ: the runs differ in schedule",
+            "bits not compared: the runs differ in schedule",
         ),
         (
             {"provenance": replace(changed.provenance, step=0.2)},
-            "bits differ: the runs differ in step",
+            "bits not compared: the runs differ in step",
         ),
     ):
         assert agreement(replace(changed, **forged), changed) == (False, line)
@@ -225,6 +233,11 @@ def test_a_run_that_is_changed_on_the_way_is_not_held_against_its_model(changed,
     found = read(other)
     assert found.parameter("servicer.mass_0") == 130
     assert found.parameter("servicer.J_S")[2, 2] == 151
+
+
+def test_another_epoch_is_a_difference_of_settings():
+    found = run("sync_approach", stop=0.1).provenance
+    assert differences(found, replace(found, epoch="2026-03-01T00:00:00")) == ["epoch"]
 
 
 def test_a_run_with_another_epoch_is_not_held_against_its_model(tmp_path, capsys):

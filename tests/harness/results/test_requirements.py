@@ -436,7 +436,7 @@ def test_a_requirement_that_was_not_exercised_passes_no_gate(tmp_path, capsys):
     assert main(["run", "sync_approach", *short, "--require", late]) == 1
     reported = capsys.readouterr().err.splitlines()
     assert reported == [
-        f"harness: requirement not exercised: {late}; the run ends at 1 s, before it applies"
+        f"harness: requirement not exercised: {late}; it does not apply up to the end at 1 s"
     ]
     assert main(["run", "sync_approach", *short, "--strict"]) == 1
     reported = capsys.readouterr().err.splitlines()

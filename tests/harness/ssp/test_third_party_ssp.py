@@ -299,7 +299,7 @@ def test_names_are_unique_c_identifiers(fmus, tmp_path, caplog):
 def test_connectors_of_systems_that_drive_each_other_are_rejected(complaints):
     inner = system("inner", [GAIN], ["u y", "u gain.u"], "u<", "y>")
     assert complaints(system("top", [inner], ["inner.y inner.u"])) == [
-        "inner.u to inner.gain.u: passes more than 200 connectors of systems, perhaps in a loop"
+        "inner.u to inner.gain.u: has more than 200 connections on its way, perhaps in a loop"
     ]
 
 

@@ -293,6 +293,14 @@ def test_metrics_and_histories_of_variables_that_do_not_exist_are_rejected(syste
     assert "record.band: there is no such entry (close: bands)" in str(caught.value)
 
 
+@pytest.mark.parametrize("worst", ["success", "-success", "--end", "none"])
+def test_a_ranking_by_what_is_no_metric_is_rejected(system, tmp_path, worst):
+    metrics = {"end": "last(twice.y)"}
+    given = table(system, metrics=metrics, success="last(twice.y) >= 0", worst=worst)
+    with pytest.raises(StructureError, match=r"worst: there is no metric"):
+        campaign(given, tmp_path / "out.zarr", workers=0)
+
+
 def test_expectations_of_what_does_not_exist_or_of_no_interval_are_rejected(system, tmp_path):
     metrics = {"end": "last(twice.y)", "first": "first(twice.y)", "least": "min(twice.y)"}
     expected = {"ends": [0, 1], "end": [2.0, 1.0], "first": 3.0, "least": [0, True]}
