@@ -85,3 +85,20 @@ def test_stop_ends_the_run_and_retains_its_rows(board):
     with pytest.raises(RunError, match=r"no answer within the deadline of 0\.02 s") as caught:
         late_run(board, "stop", 0)
     assert len(caught.value.partial.time) == 5
+
+
+@pytest.mark.parametrize("late", ["stop", "hold", "wait"])
+def test_a_damaged_request_is_sent_again_before_the_deadline(board, late):
+    exchanges = []
+
+    def bend(data, towards):
+        if towards == "board" and data[5:6] == bytes([CODE["exchange"]]):
+            exchanges.append(data)
+            if len(exchanges) == 5:
+                return data[:-6] + bytes([data[-6] ^ 1]) + data[-5:]
+        return data
+
+    with board(bend) as found:
+        result = simulated(f"{found.place}?deadline=10&timeout=20&late={late}", 2.0)
+    assert result.values.tobytes() == simulated("", 2.0).values.tobytes()
+    assert len(exchanges) == 21

@@ -95,7 +95,7 @@ static unsigned initialize(const Board *board, size_t slot, Reader *in, Writer *
     (void)in, (void)out;
     unsigned status =
         (unsigned)board->software[slot].exit_initialization(board->slot[slot].instance);
-    if (board->paint_stack) board->paint_stack(); /* the stack is measured in steps only */
+    if (board->paint_stack) board->paint_stack(); /* the stack is measured without initialization */
     return status;
 }
 
@@ -323,8 +323,8 @@ static bool acceptable(const Board *board, const Frame *f)
     return send_rejection(board, *f, NO_SESSION), false;
 }
 
-/* processes a new request, repeats the last answer for a repeated request, and ignores any other
- * frame */
+/* rejects a frame that is not acceptable(); else processes a new request, repeats the last answer
+ * if it answered the same request, and ignores any other frame */
 static void receive(const Board *board, Frame f)
 {
     if (!acceptable(board, &f)) return;

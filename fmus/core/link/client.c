@@ -41,7 +41,7 @@ Writer new_request(Client *c)
     return (Writer){c->request + HEADER_SIZE, PAYLOAD_LIMIT, 0, false};
 }
 
-static bool write_request(Client *c)
+bool write_request(Client *c)
 {
     c->sent = now_s();
     c->attempts++;
@@ -145,9 +145,10 @@ static bool is_answer(Client *c, Frame f, unsigned *status, bool *damaged)
     return read_answer(c, f, status);
 }
 
-/* waits for the answer to the last request until the time `until`. After that time, bytes that have
- * already arrived are still read, but no more bytes than the longest frame has, so that TOO_LATE is
- * returned even if the board sends without end. */
+/* waits for the answer to the last request until the time `until`; TOO_LATE at once if the board
+ * reports a damaged request. After that time, bytes that have already arrived are still read, but
+ * not many more than the longest frame has, so that TOO_LATE is returned even if the board sends
+ * without end. */
 Outcome wait_until(Client *c, double until, unsigned *status)
 {
     size_t size, got, late_bytes = 0;

@@ -33,6 +33,7 @@ void close_client(Client *c);
 /* writer for the payload of a new request; then call send_request() and wait_for_answer() */
 Writer new_request(Client *c);
 bool send_request(Client *c, Code code, const Writer *payload);
+bool write_request(Client *c);       /* sends the present request again, as another attempt */
 unsigned wait_for_answer(Client *c); /* returns fmi2Status; repeats up to `retries` times */
 unsigned request_and_wait(Client *c, Code code,
                           const Writer *payload); /* calls the two functions above */

@@ -17,7 +17,7 @@ typedef struct {
     char text[CONFIG_SIZE];    /* content of the file; the pointers below point into it */
     char resources[PATH_SIZE]; /* folder */
     const char *via;           /* kind of stream: emulator, tcp, unix or serial */
-    const char *guid, *target; /* guid of the component; name of the processor, "" for any */
+    const char *guid, *target; /* guid of the component; name of the processor, for messages */
     const char *host, *port;   /* tcp */
     const char *path;          /* unix: path of the socket; serial: path of the device */
     /* emulator: links with the same name here share one emulator; "": not shared */

@@ -3,7 +3,7 @@
  * A step needs one exchange with the board: the request contains the step and all values set since
  * the last step, the answer all variables that the master has ever read. During stepping, a wrong
  * value is therefore rejected by the call that sends it, usually the next step, and not by the call
- * that sets it. All other calls return what the component returns. */
+ * that sets it. All other calls that send a request return what the component returns. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 

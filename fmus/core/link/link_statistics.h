@@ -14,7 +14,7 @@ typedef struct {
     uint64_t steps, total, largest; /* number of steps; instructions of all steps and of the
                                      * most expensive one, 0: not counted */
     double when;                    /* s; communication point of the most expensive step */
-    uint32_t stack;                 /* bytes used by the steps; 0: unknown */
+    uint32_t stack;                 /* bytes used after initialization; 0: unknown */
     uint32_t memory;                /* bytes that the instance has allocated */
     uint64_t late;                  /* number of answers after the deadline */
 } LinkStatistics;

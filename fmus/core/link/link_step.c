@@ -31,8 +31,12 @@ static unsigned wait_for_step(Link *l)
     Client *c = &l->client;
     unsigned status = FAILED_REQUEST;
     if (c->config.deadline <= 0) return finish_exchange(l, wait_for_answer(c));
-    if (wait_until(c, now_s() + c->config.deadline, &status) != TOO_LATE)
-        return finish_exchange(l, status);
+    const double until = now_s() + c->config.deadline;
+    Outcome outcome = wait_until(c, until, &status);
+    while (outcome == TOO_LATE && now_s() < until && c->attempts <= c->config.retries &&
+           write_request(c)) /* the board has reported a damaged request */
+        outcome = wait_until(c, until, &status);
+    if (outcome != TOO_LATE) return finish_exchange(l, status);
     l->late++;
     if (c->config.late == LATE_WAIT) return finish_exchange(l, wait_for_answer(c));
     if (c->config.late == LATE_HOLD && now_s() < c->sent + c->config.timeout)

@@ -1,5 +1,5 @@
-/* link_unused.c - functions of FMI 2.0 that a link does not support: strings, derivatives,
- * asynchronous steps. */
+/* link_unused.c - names of platform and version, and functions of FMI 2.0 that a link does not
+ * support: strings, derivatives, asynchronous steps. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi2Functions.h"
 

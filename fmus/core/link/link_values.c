@@ -1,8 +1,8 @@
 /* link_values.c - setting and getting.
  *
- * Values that the master sets are sent with the next step; before the end of initialization they
- * are sent at once. Variables that the master has read once are part of the answer to every step.
- */
+ * Values that the master sets are sent with the next step, or earlier by a call that needs them;
+ * before the end of initialization they are sent at once. Variables that the master has read once
+ * are part of the answer to every step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 

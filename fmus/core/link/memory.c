@@ -10,7 +10,7 @@
 
 typedef uintptr_t __attribute__((may_alias)) Word;
 
-enum { SIZE = sizeof(Word), BLOCK = 8 }; /* bytes per word; words copied per loop */
+enum { SIZE = sizeof(Word), BLOCK = 8 }; /* bytes per word; words copied per pass of the loop */
 
 void *memcpy(void *restrict to, const void *restrict from, size_t size);
 

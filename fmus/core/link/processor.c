@@ -104,8 +104,8 @@ static void default_signals(void)
     sigprocmask(SIG_SETMASK, &none, NULL);
 }
 
-/* redirects the standard streams to /dev/null and closes all files of the parent program except
- * `needed` */
+/* redirects the standard streams to /dev/null and closes the files of the parent program with
+ * numbers below MOST_FILES except `needed` */
 static void close_other_files(int needed)
 {
     int nothing = open("/dev/null", O_RDWR);
