@@ -62,7 +62,7 @@ def number(value: float) -> str:
 
 
 def bits(value: float) -> str:
-    """Return a double as a hexadecimal C constant, which has exactly its bits."""
+    """Return a double as a hexadecimal C constant with its exact bits, NAN if it is not finite."""
     return value.hex() if math.isfinite(value) else "NAN"
 
 
@@ -104,8 +104,9 @@ HEADER = """/* {name}.h - {about}.
  *     }}
  *
  * The bits equal the bits of the FMU if the compiler does not contract or reorder operations
- * (-ffp-contract=off, no -ffast-math), and if the steps have the times of the FMU: step k begins at
- * start + (k - 1) h + h, not at start + k h, which {name}_time() returns. Parameters stay constant
+ * (-ffp-contract=off, with gcc also -fno-tree-slp-vectorize; no -ffast-math), and if the steps have
+ * the times of the FMU: step k begins at {name}_time(), which is start + (k - 1) h + h, not
+ * start + k h. Parameters stay constant
  * after {name}_init(). A step without a sample instant leaves y unchanged, so y must persist. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef {guard}_C_API_H
@@ -331,7 +332,7 @@ int main(void)
 """
 
 MAKEFILE = """CFLAGS = -std=c99 -O2 -Wall -Wextra
-SAME_BITS = -ffp-contract=off -fno-math-errno
+SAME_BITS = -ffp-contract=off -fno-tree-slp-vectorize -fno-math-errno
 NAMES = @names@
 libflight.a: $(NAMES:=_api.o) $(NAMES:=_parameters.o) ; $(AR) rcs $@ $^
 %.o: %.c $(wildcard *.h) $(NAMES:=.c)
@@ -347,7 +348,8 @@ project(flight C)
 set(NAMES @names@)
 enable_testing()
 add_library(flight STATIC)
-target_compile_options(flight PRIVATE -ffp-contract=off -fno-math-errno)
+target_compile_options(flight PRIVATE -ffp-contract=off -fno-tree-slp-vectorize
+  -fno-math-errno)
 target_include_directories(flight PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
 foreach(name ${NAMES})
   target_sources(flight PRIVATE ${name}_api.c ${name}_parameters.c)
