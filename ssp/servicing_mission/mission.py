@@ -24,10 +24,9 @@ COMMANDED = (
     ("selector.F_cmd_S", 2.0),
     ("selector.M_cmd_S", 0.5),
     ("selector.wheel_accel_cmd", 0.01),
-    ("selector.throttle", (0.0, 1.0)),
 )
 """Bounds of the outputs of the selector when an agent replaces it: force [N], torque [N m], wheel
-acceleration [rad/s2] and throttles, each with either sign unless a range is given.
+acceleration [rad/s2], each with either sign.
 """
 
 MISSION = replace(

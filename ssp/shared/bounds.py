@@ -102,23 +102,38 @@ def hill(r: Array, v: Array) -> tuple[Array, Array]:
 
 
 def disturbance(result: Result, time: Array, hill_axes: Array) -> Array:
-    """Return the disturbing acceleration at instants `time` (n,), which the parameters `a_dist` of
-    the servicer define, in N axes (n, 3) [m/s2]; hill_axes: matrices C_NH (n, 3, 3).
+    """Return the acceleration of the servicer relative to the target at instants `time` (n,) by the
+    parameters `a_dist` of both bodies and `a_manoeuvre_N` of the target, in N axes (n, 3) [m/s2];
+    hill_axes: matrices C_NH (n, 3, 3).
     """
-    bias, amplitude, frequency, phase = (
-        np.asarray(result.parameter(f"servicer.a_dist.{name}"))
-        for name in ("bias", "amplitude", "frequency", "phase")
-    )
-    found = bias + amplitude * np.sin(frequency * time[:, None] + phase)
-    if result.parameter("servicer.a_dist_axes") == 1:
+    servicer, target = (_in_n(result, body, time, hill_axes) for body in ("servicer", "target"))
+    return servicer - target - _sinusoid(result, "target.a_manoeuvre_N", time)
+
+
+def _in_n(result: Result, body: str, time: Array, hill_axes: Array) -> Array:
+    """Return the acceleration by `a_dist` of a body, N axes (n, 3) [m/s2]."""
+    found = _sinusoid(result, f"{body}.a_dist", time)
+    if result.parameter(f"{body}.a_dist_axes") == 1:
         found = np.einsum("nij,nj->ni", hill_axes, found)
-    return np.asarray(found)
+    return found
+
+
+def _sinusoid(result: Result, name: str, time: Array) -> Array:
+    """Return bias + amplitude sin(frequency t + phase), zero before `start`, of the parameters that
+    begin with `name`, (n, 3).
+    """
+    bias, amplitude, frequency, phase, start = (
+        result.parameter(f"{name}.{part}")
+        for part in ("bias", "amplitude", "frequency", "phase", "start")
+    )
+    wave = bias + amplitude * np.sin(frequency * time[:, None] + phase)
+    return np.asarray(np.where(time[:, None] >= start, wave, 0.0))
 
 
 def problem(result: Result, step: float, box: Array) -> Problem:
     """Return the convex problem of the least impulse in the time span of a run, without constraints
     on the path. Start, mass (of the first row), attitude of the servicer, gravity gradient along
-    the path of the target and disturbance are those in the run.
+    the path of the target, disturbances and the manoeuvre of the target are those in the run.
 
     step: time step [s]; box: largest force along each axis of the servicer [N], 0: unlimited.
     """

@@ -152,8 +152,8 @@ def tracking_error(result: Result) -> tuple[float, ...]:
 
 def end_attitude(result: Result) -> tuple[float, ...]:
     """Return the rotation from the nominal attitude [deg], the rate relative to H [deg/s] and the
-    angle of the arm [deg], in the last row. Raise NotExercisedError if the run ends before the
-    window.
+    angle of the arm [deg], in the last row. Raise NotExercisedError if the run ends before the end
+    of the window.
     """
     rows = final(result, 0.0, window(result))
     rate = np.degrees(size(result[RELATIVE_RATE][rows]))
@@ -208,9 +208,9 @@ def printed_equation_error(result: Result) -> tuple[float, ...]:
 
 def gains(result: Result) -> tuple[float, ...]:
     """Return the smaller of the gains k1 and k2 of the control law that the run uses (corrected, or
-    as printed in the patent), then k1 and k2.
+    as printed in the patent), 0 if one is not a whole number, then k1 and k2.
     """
     k1 = scalar(result, "controller.k1")
     corrected = scalar(result, "controller.law") != 0
     k2 = scalar(result, "controller.k2" if corrected else "controller.k2_printed")
-    return min(k1, k2), k1, k2
+    return min(k1, k2) if k1.is_integer() and k2.is_integer() else 0.0, k1, k2

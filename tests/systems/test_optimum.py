@@ -30,7 +30,7 @@ from ssp.ppc_tracking import bound as ppc_tracking
 from ssp.relay_approach import bound as relay_approach
 from ssp.servicing_mission import bound as servicing_mission
 from ssp.servicing_mission.events import stays
-from ssp.shared import optima
+from ssp.shared import bounds, optima
 from ssp.shared.convex import Cone, Optimum, Problem, solve, transitions
 from ssp.shared.phase_impulses import phase_optimum, phase_verified
 from tests.close import close
@@ -151,6 +151,22 @@ def test_a_run_costs_more_than_its_optimum_and_the_optimum_can_be_simulated(minu
     ]
     expected = "; after 40 s: optimum {:.3g} N s, run {:.3g} N s".format(*late)
     assert next(found.lines()).endswith(expected)
+
+
+def test_accelerations_of_both_bodies_and_the_manoeuvre_are_in_the_problem():
+    given = {
+        "servicer.a_dist.bias": [2e-4, 0, 0], "servicer.a_dist.start": 20.0,
+        "servicer.a_dist_axes": 0,
+        "target.a_dist.amplitude": [0, 3e-4, 0], "target.a_dist.frequency": [0, 0.05, 0],
+        "target.a_manoeuvre_N.bias": [0, 0, -1e-4], "target.a_manoeuvre_N.start": 40.0,
+    }  # fmt: skip
+    time = np.array([10.0, 30.0, 50.0])
+    result = run("sync_approach", set=given, stop=1.0)
+    found = bounds.disturbance(result, time, np.broadcast_to(np.eye(3), (3, 3, 3)))
+    expected = np.column_stack(
+        (2e-4 * (time >= 20), -3e-4 * np.sin(0.05 * time), 1e-4 * (time >= 40))
+    )
+    close(found, expected, rel=1e-12)
 
 
 def curves(result):
