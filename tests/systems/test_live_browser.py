@@ -183,13 +183,17 @@ def test_a_value_beyond_the_range_stays_at_its_end(chromium, path):
         assert simulated(page, base)["result"]["complete"]
 
 
-def test_a_rejected_run_leaves_the_run_before_on_the_page(chromium, path):
-    with opened(chromium, path) as page:
+def test_a_rejected_run_leaves_the_run_before_on_the_page(chromium, tmp_path):
+    """A slider whose range contains values that the servicer rejects."""
+    text = f'extends = "{SYSTEM}"\nname = "far"\n[live.sliders]\n"servicer.J_S[1,1]" = [1, 300]\n'
+    (tmp_path / "far.toml").write_text(text)
+    far = write_page(run(tmp_path / "far.toml", stop=60), tmp_path / "far.html", live=True)
+    with opened(chromium, far) as page:
         ready(page)
         base = page.evaluate("report.live.sliders.map(s => s.base)")
         simulated(page, [90, *base[1:]])
         shown = [page.inner_html(part) for part in ("#numbers", "#requirements")]
-        simulated(page, [90, *base[1:4], 1])
+        simulated(page, [90, *base[1:-1], 1])
         text = page.inner_text("#live .outcome")
         assert text.startswith("rejected, the page still shows the run before: ")
         assert [page.inner_html(part) for part in ("#numbers", "#requirements")] == shown
@@ -198,7 +202,7 @@ def test_a_rejected_run_leaves_the_run_before_on_the_page(chromium, path):
 def test_no_button_of_a_plot_sends_it_to_a_server(chromium, path):
     with opened(chromium, path) as page:
         ready(page)
-        page.locator("#figures").scroll_into_view_if_needed()
+        page.locator("#plots").scroll_into_view_if_needed()
         page.wait_for_selector(".modebar-btn", state="attached")
         buttons = "[...document.querySelectorAll('.modebar-btn')]"
         titles = page.evaluate(f"{buttons}.map(b => b.dataset.title)")
