@@ -91,8 +91,8 @@ def prices() -> None:
 
 def iterations() -> None:
     """Print, for several numbers of iterations of the optimal controller, the impulse [N s], the
-    least corridor margin, the least range [m] and the largest violation of a position constraint
-    by the path that the controller plans [m].
+    least corridor margin, the least range [m] and the largest bound of the violation of position
+    constraints by the path that the controller plans [m].
     """
     for count in ITERATIONS:
         changes = {"controller.iterations": count, "controller.iterations_first": count}

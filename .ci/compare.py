@@ -9,8 +9,8 @@ and a prefix: `servicer.mass`, `servicer::mass` and `model.root.servicer.mass` n
 variable. Where a tool writes several rows for an instant, the last one counts. Only instants of the
 trace that the CSV file also has are compared; the last one must be among them. tolerances.csv
 beside the trace has a tolerance with its reason per variable. Exit status: 0 all variables agree at
-these instants, 1 a variable differs or is missing, or the file ends before the trace, 2 a file
-cannot be used.
+these instants, 1 a variable differs or is missing, or the file lacks the last instant of the trace,
+2 a file cannot be used.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def column_of(name: str, columns: dict[str, Any]) -> str | None:
 def verdicts(expected: Path, given: Path) -> dict[str, str]:
     """Return for every variable of the trace "" if it agrees, otherwise what is wrong, and under
     "time" what is wrong if the file lacks the last instant. Raise ValueError if the files have no
-    instant in common.
+    instant in common, or if tolerances.csv lacks a variable.
     """
     times, trace = read(expected)
     instants, columns = read(given)
@@ -74,7 +74,7 @@ def verdicts(expected: Path, given: Path) -> dict[str, str]:
         raise ValueError(f"tolerances.csv: has no row for {expected.stem}, {unlimited[0]}")
     end, found = times[both][-1], {}
     if end < times[-1]:
-        found["time"] = f"ends at t = {end:g} s, the trace at {times[-1]:g} s"
+        found["time"] = f"compared up to t = {end:g} s, the trace ends at {times[-1]:g} s"
     for name, values in trace.items():
         theirs = column_of(name, columns)
         if theirs is None:

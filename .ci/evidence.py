@@ -9,9 +9,10 @@ The first folder has the libraries of the FMUs, compiled with coverage counters,
 the tests have written (profiles/). The command writes a JSON file per component into the second
 folder, and the page with a row per component. Deliberate faults and random inputs come from
 lab/component_faults.jsonl (make faults) and lab/component_fuzz.jsonl (make fuzz). Exits with 1 if
-tests do not reach a part of the code and .ci/unreached.toml has no reason for it, if a reason there
-does not match the code, if Frama-C Eva reports an alarm or does not end, if the deviations from
-MISRA C differ from .ci/misra.toml, or if faults or random inputs are older than the code.
+tests do not reach a part of the code and .ci/unreached.toml has no reason for it, if an entry there
+names other parts than the tests leave out, if Frama-C Eva reports an alarm or gives no outcome, if
+the deviations from MISRA C differ from .ci/misra.toml, or if faults or random inputs are missing or
+older than the code.
 """
 
 import argparse
@@ -191,7 +192,7 @@ def systems() -> dict[str, tuple[str, ...]]:
 
 def equal_on() -> dict[str, str]:
     """Return, by component, on how many emulated processors its run has the same bits as in the
-    simulation, as text: `4 of 4`.
+    simulation, as text: `4 of 4`, or `4 of 4, older code` (see MORE).
     """
     text = PROCESSORS.read_text(encoding="utf-8")
     found = re.findall(r"^\| (\w+) \|.*\| yes, .* rows.* \| (\w+) \|$", text, re.MULTILINE)

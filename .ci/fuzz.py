@@ -4,12 +4,13 @@
     python .ci/fuzz.py FOLDER FILE [--seconds N] [COMPONENT...]                       (make fuzz)
 
 A run simulates a component for up to 32 steps and takes its values from the bytes that libFuzzer
-generates: parameters near their start values, inputs anywhere in the range that the component's
-table of variables allows. The address and undefined behaviour sanitizers end a run at an index
-outside an array, an overflow of an integer, a conversion of a number that does not fit, or a read
-outside of an object; such an end is a finding. The corpus (the bytes from which libFuzzer
-generates further ones) remains in FOLDER and grows with later runs. FILE receives a line of JSON
-per component. Without COMPONENT all flight software is run.
+generates: parameters at their start values or 0.5 to 2.5 times these (switches: 0 or 1; whole
+numbers: start values), inputs anywhere in the range that the component's table of variables allows.
+The address and undefined behaviour sanitizers end a run at an index outside an array, an overflow
+of an integer, a conversion of a number that does not fit, or a read outside of an object; such an
+end is a finding. The corpus (the bytes from which libFuzzer generates further ones) remains in
+FOLDER and grows with later runs. FILE receives a line of JSON per component. Without COMPONENT all
+flight software is run.
 """
 
 from __future__ import annotations

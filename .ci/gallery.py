@@ -20,7 +20,7 @@ from harness.figures.style import SCREEN
 from tests.missions import FIGURES, OVERLAYS
 
 DOTS, COLOURS = 80, 64
-"""Dots per inch, and number of colours of the palette, with which a picture has about ten kB."""
+"""Dots per inch, and number of colours of the palette, with which a picture has at most 90 kB."""
 HEAD = """# Gallery
 
 `make gallery` writes this page and its pictures from runs of this tree. `harness plot` and `harness

@@ -3,11 +3,11 @@
 
     python .ci/requirements.py build/requirements docs/evidence_requirements.md (make requirements)
 
-A requirement is a row `| J.1-3 | The manager shall ... |` in the equations of a mission. Its id
-is in a comment above a function of fmus/ and in the marker `verifies` of a test. The command
-runs these tests with flight software that records every function that it enters, and writes the
-page. Exits with 1 if a requirement has no such comment or no such test, if a comment or a marker
-has an id that no requirement has, or if a test does not enter the function.
+A requirement is a row `| J.1-3 | The manager shall ... |` in a page ssp/*/*.md. Its id is in
+comments above functions of fmus/ and in the marker `verifies` of tests. The command runs these
+tests with flight software that records every function that it enters, and writes the page. Exits
+with 1 if a requirement has no such comment or no such test, if a comment or a marker has an id that
+no requirement has, or if a test fails or enters none of these functions.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ HEAD = """# Validation
 
 Published reference values, and the differences of the FMUs from them. `make validation` writes this
 page from its run. A difference is the largest over the rows of a case: the Euclidean norm of the
-difference of two vectors, or the rotation angle between two attitude matrices `C`. Repeat a case
-with `harness validate CASE`.
+difference of two vectors, the rotation angle between two attitude matrices `C`, or the amount by
+which a published limit is violated. Repeat a case with `harness validate CASE`.
 
 `ssp/validation/cases/` holds the data, the reasons for the tolerances, and wrong models that must
 exceed them. `tests/external/` runs all cases, `basilisk-wheels` only in `make test-long`. The

@@ -105,8 +105,8 @@ def documented(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def helps(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Yield line and text of all help texts of a module of the command line: of options, arguments
-    and commands.
+    """Yield line and text of the help texts of a module of the command line that are constants in
+    `help=...`, and of the docstrings of commands.
     """
     for node in ast.walk(tree):
         if isinstance(node, ast.keyword) and node.arg == "help":

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Hand a system to an optimiser of one's own as a black box: the attitude that the law of the paper
-misses at the grasp, by initial attitude and rates of the target.
+"""Give a system to an optimiser of one's own as a black box. It searches for an initial attitude of
+the servicer and rates of the target with which the law of the paper misses the attitude at the
+grasp.
 
 python examples/falsify.py
 """

@@ -69,7 +69,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     publish(p, x, y);
 }
 
-/* the grid of the substeps is absolute, so that results do not depend on the step of the master */
+/* the grid of the substeps is absolute: ends of master steps on this grid do not change results */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     const Held constant = {p, u};

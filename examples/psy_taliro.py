@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Hand a system to PSY-TaLiRo as a black box: the attitude that the law of the paper misses at the
-grasp, by initial attitude and rates of the target.
+"""Give a system to PSY-TaLiRo as a black box. It searches for an initial attitude of the servicer
+and rates of the target with which the law of the paper misses the attitude at the grasp.
 
 pip install psy-taliro, then python examples/psy_taliro.py
 """

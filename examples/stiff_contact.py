@@ -2,8 +2,9 @@
 """Where co-simulation matters: what a stiff spring between two FMUs gains or loses in a step.
 
 Servicer and target in deep space, joined along one axis by 20 kN/m without damping, stepped apart
-from each other. Prints the energy after a step over that before, by the way in which the force
-crosses the step, for several theta = omega h; `stiff_contact.py FILE` draws them too.
+from each other. Prints the energy after a step divided by the energy before it, for several values
+theta = omega h and several ways to hold or predict the force over a step; `stiff_contact.py FILE`
+draws them too.
 """
 
 import sys

@@ -139,23 +139,25 @@ def environment(system: str | Path, **how: Any) -> Environment | Apart:
     that the agent reads (default: the inputs of these components); act: outputs of these components
     that the agent sets (default: the connected outputs); bounds: limits of these outputs by name, x
     for -x to x, or (least, largest) (default: the limits of the actuators in the parameter set that
-    the system defines for comparisons); every: macro steps per action (default: defined by the
-    mission, else the longest period of the replaced components); scale: divisors of the
-    observations by name; if it is given, actions are scaled to -1 to 1.
+    the system defines for comparisons, else the bounds that the mission defines); every: macro
+    steps per action (default: defined by the mission, else the longest period of the replaced
+    components); scale: divisors of the observations by name; if it is given, actions are scaled to
+    -1 to 1.
 
     The reward of a step is the value of the expression `reward` (default: 0) at the end of the
     step, minus the increase of the expression `cost` (default: defined by the mission, such as
     delta-v [m/s]), minus the violations of requirements times `weights` (a number, or numbers by
-    name; default 1). An episode ends if an FMU fails, a requirement is violated or a condition of
-    the mission holds. ends: requirements and conditions that end an episode, in place of all
-    requirements; shield: safety component of the system, such as `monitor`, whose abort ends the
-    episode, or `filter`, which changes the force that the agent commands.
+    name; default 1). An episode ends at the stop time, or if an FMU fails, a requirement is
+    violated or a condition of the mission holds. ends: requirements and conditions that end an
+    episode, in place of all requirements; shield: safety component of the system, such as
+    `monitor`, whose abort ends the episode, or `filter`, which changes the force that the agent
+    commands.
 
     factors: campaign file; episode k starts with the factors of its run k; record: macro steps per
     recorded row (default: `every`, one row per action); further arguments: changes as for run().
     If one of the FMUs is third-party, the whole environment runs in a child process (class Apart
-    with the methods of Environment). Raises UsageError, and the errors that run() raises before the
-    first step.
+    with the methods of Environment). Raises UsageError, the errors that run() raises before the
+    first step, and HarnessError without the extra `learn`.
     """
     library("gymnasium", "learn")
     from harness.learning import apart

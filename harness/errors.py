@@ -149,7 +149,7 @@ EXTRAS = {
     "live": ("ziglang",),
     "verify": ("cma", "threadpoolctl"),
 }
-"""Libraries that each extra of this package installs (`pip install servicing-fmus[EXTRA]`)."""
+"""Libraries that some extras of this package install: `pip install servicing-fmus[EXTRA]`."""
 HOMES = {"erfa": "pyerfa"}
 """Name of the package to install, by name of the module, where the two names differ."""
 
@@ -215,9 +215,7 @@ def _limit(name: str, kind: str, command: str, unit: int) -> str:
 
 
 def missing(error: ModuleNotFoundError) -> str | None:
-    """Return a line with the command that installs a missing module; None if no extra of this
-    package installs it.
-    """
+    """Return a line with the command that installs a missing module; None if EXTRAS lacks it."""
     name = (error.name or "").partition(".")[0]
     extra = next((extra for extra, names in EXTRAS.items() if name in names), None)
     return None if extra is None else _needed(name, extra)

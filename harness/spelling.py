@@ -41,8 +41,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 def _neighbours(name: str, known: tuple[str, ...]) -> Iterator[str]:
     """Yield the known names that are near `name` in alphabetical order, or in the alphabetical
-    order of the names spelled backwards. A known name that differs in one letter is near in at
-    least one of the two orders, so few of many thousands of names need to be compared.
+    order of the names spelled backwards. A known name that differs in one letter is usually near in
+    one of the two orders, so few of many thousands of names need to be compared.
     """
     beginnings, ends = _ordered(known)
     at, end = bisect(beginnings, name), bisect(ends, name[::-1])

@@ -55,7 +55,9 @@ def scripts() -> list[Path]:
 
 
 def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
-    """Yield path and content of every page and picture of the site, copied or generated."""
+    """Yield path and content of every page of the site, copied or generated, and of its pictures,
+    except the figures of missions and the live pages, which main() copies.
+    """
     known = homes()
     for source, page in known.items():
         path = ROOT / source

@@ -83,7 +83,7 @@ def names(option: Any) -> list[str]:
 
 
 def metavar(option: Any) -> str:
-    """Return the placeholder of the value of an option, empty for a flag."""
+    """Return the choices or the placeholder of the value of an option, empty for a flag."""
     if option.is_flag:
         return ""
     if choices := getattr(option.type, "choices", None):

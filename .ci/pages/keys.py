@@ -74,7 +74,7 @@ SYSTEM: Keys = {
 OF = "Requirements to study; default: all"
 CAMPAIGN: Keys = {
     "": {
-        "system": ("text", "Name of a system, or path of an .ssp from this file"),
+        "system": ("text", "Name of a system, or path of an .ssp or TOML from this file"),
         "runs": ("whole number", "Draws of every combination of the listed values"),
         "seed": ("whole number", "Seed of the draws"),
         "sampler": ("text", "`random` (default), `latin-hypercube` or `sobol`"),
@@ -86,7 +86,7 @@ CAMPAIGN: Keys = {
         "worst": ("text or table", "Metric that ranks the worst runs; `-NAME`: smallest first; "
                   "as a table, the study `harness worst`"),
         "until": ("table", "Instead of `runs`: end when the share `success` of successful runs is "
-                  "shown with `confidence`"),
+                  "shown or disproved with `confidence`; or `fixed` or at most `most` runs"),
         "requirements": ("table", "Further requirements, by name"),
         "sensitivity": ("table", "Study `harness sensitivity`"),
         "coordinates": ("whole number", "Written by a study: number of standard "
@@ -145,7 +145,7 @@ def pages() -> Iterator[tuple[str, str]]:
 
 
 SYSTEM_TEXT = """`system.toml` describes one system: components, wiring, parameters and time span.
-`harness check` lists every mistake at once. How to write one: [Write a mission](../own_mission.md).
+`harness check` lists its mistakes. How to write one: [Write a mission](../own_mission.md).
 """
 CAMPAIGN_TEXT = """A campaign file names the system, the varied values and the recorded values.
 `harness campaign` checks the whole file before the first run. Draws, expressions and files:

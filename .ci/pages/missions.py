@@ -148,7 +148,7 @@ def _run(case: Any, pictures: Path | None, name: str) -> dict[str, Any]:
 
 
 def draw_figures(result: Any, folder: Path, name: str) -> list[tuple[str, str]]:
-    """Draw the figures of a run; return file and title of each."""
+    """Draw the figures of a run, at most MOST_FIGURES; return file and title of each."""
     import io
 
     from PIL import Image

@@ -4,7 +4,8 @@ a key of VALUES, or `claims_MISSION` for the table of the claims of a mission, w
 mission in the site also shows.
 
 `make quoted-values` does these runs and writes the texts into the pages. `make site` does the runs,
-too, and fails if a page quotes another text or a name that no run gives.
+too, and fails if a page of the site (no page of lab/ is) quotes another text or a name that no run
+gives.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-/* unused.h - functions of FMI 3.0 that no specimen has. Tools that bind every function of the
- * standard when they load a library find them; each returns fmi3Error or, to instantiate, NULL. */
+/* unused.h - functions of FMI 3.0 that a specimen does not have. Tools that bind every function of
+ * the standard when they load a library find them; each returns fmi3Error or, to instantiate,
+ * NULL. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #define NONE(function, ...)                          \
     fmi3Status function(fmi3Instance c, __VA_ARGS__) \

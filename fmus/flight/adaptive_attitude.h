@@ -32,7 +32,8 @@ static inline AttitudeError attitude_error(quat q_SN, vec3 omega, const Referenc
     return (AttitudeError){mrp_of_quat(q_SD), sub(omega, wd), wd, wdd};
 }
 
-/* torque that the wheels must produce: right-hand side of (19) */
+/* A_hat dOmega, right-hand side of (19): rate of the wheel momentum; the body gets the opposite
+ * torque */
 static inline vec3 wheel_torque(vec3 K, vec3 P, mat3 J_hat, mat3 A_hat, const AttitudeError *e,
                                 vec3 wheel_speed)
 {

@@ -3,7 +3,7 @@
  * brakes after the capture.
  *
  *   v = ddq_ref + 2 zeta o (dq_ref - dq) + o^2 (q_ref - q),   o = omega_joint or omega_rest (REST)
- *   [F_r; M_r] = H_0m ddq_ref + b_0(w, dq) - b_0(w, 0)              reaction of the arm at S
+ *   [F_r; M_r] = H_0m ddq_ref + b_0(w, dq) - b_0(w, 0)         minus the reaction of the arm at S
  *   F_ff = F_r,   M_ff = M_r + c x (F_cmd + F_ff - F_r)     0 in REST and without compensation
  *   F_sum = F_cmd + F_ff,   M_sum = M_cmd,   wheel_accel_sum = wheel_accel_cmd - A_w^-1 M_ff
  *   Q_0 = [F_sum; M_sum - A_w wheel_accel_sum - w x A_w Omega],   du_0 = H_00^-1 (Q_0 - b_0 - H_0m v)
@@ -128,8 +128,8 @@ static void copy_base_command(const Parameters *p, const Input *u, Output *y)
                   .wheel_accel_sum = resting ? none : u->wheel_accel_cmd};
 }
 
-/* force and torque at S by which the arm reacts to its planned motion, evaluated at the measured
- * w and dq */
+/* force and torque at S that the arm needs for its planned motion, opposite to its reaction on the
+ * base, evaluated at the measured w and dq */
 /* K.4-1 */
 static Wrench reaction_of_arm(const Input *u, const Tree *t, const Forces *b)
 {

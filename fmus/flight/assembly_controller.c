@@ -5,8 +5,8 @@
  *   h'_ff = -J_A (A_e omega_ref' - d_omega x A_e omega_ref) - J_A' omega_0 - h_m'
  *           - omega_0 x (J_A omega_0 + h_m + h) + tau_gg + tau_aero
  *
- * so that the angle theta of the error obeys theta'' + k1 theta' + k2/2 theta = 0. h: momentum of
- * the gyros; h' is the command. omega_0, omega_ref: rates of base and reference; A_e: rotation
+ * so that a small error angle theta obeys theta'' + k1 theta' + k2/2 theta = 0. h: momentum of the
+ * gyros; h' is the command. omega_0, omega_ref: rates of base and reference; A_e: rotation
  * matrix of q_e; J_A, h_m: inertia of the assembly and momentum of the module relative to the base.
  * The command is constant over a sample, while h'_ff changes: with use_plan_rate the feed-forward
  * is the mean momentum rate of the plan over the coming sample, plus the momentum rate of the model

@@ -38,7 +38,7 @@ typedef struct {
     double active;
 } Input;
 typedef struct {
-    vec3 y_N;  /* Y of the last sample outside the guard; 0: none yet */
+    vec3 y_N;  /* held Y: of the last sample outside the guard, or any normal; 0: none yet */
     quat q_DN; /* q_DN of the last sample; 0: none yet */
 } State;
 typedef struct {

@@ -28,7 +28,7 @@
 enum { CAN_CAPTURE, NO_FORCE, TOO_MUCH_MOMENTUM, NO_PROPELLANT, ONLY_BY_ARM };
 
 /* R: range R_f of the fly-around; steer: steering rate that the force permits there; dv: velocity
- * increment for turning with the target until mating; verdict: the first of NO_FORCE, ..
+ * increment for turning with the target, mating included; verdict: the first of NO_FORCE, ..
  * ONLY_BY_ARM that applies, or CAN_CAPTURE; bias: wheel speeds before the fly-around */
 typedef struct {
     double R, steer, dv, verdict;

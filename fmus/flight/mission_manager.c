@@ -3,21 +3,21 @@
  *
  * One sample, in this order, with at most one change of phase:
  *   1 the last valid relative state is stored
- *   2 the timers of "too far off the axis" (near the target) and of "too fast" (before capture) are
- *     updated
+ *   2 the timers of "axis or pointing error" (near the target), "too fast" (before capture) and
+ *     "no capture possible" (hold 2) are updated
  *   3 abort of the monitor -> ABORTED; else, before capture, the first reason to retreat -> RETREAT
  *   4 else the condition of the phase: if it has held for dwell -> next phase
  *   5 outputs of the resulting phase
  *
  * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|; p_T: parameter, the
  * grasp axis in target axes; l, d: distances along and from the grasp axis. Speeds in conditions of
- * phases are as seen in H up to hold 2, as seen in T from the fly-around to mating; "too fast" is
- * for the speed as seen in H. An input from the ground has an effect only while it is > 0. No
- * retreat begins in RIGIDISE, DETUMBLE and STACK. With budget > 0 the estimated tumble rate decides
- * at hold 2 whether the target can be captured, and how: range of the fly-around, rate of motion
- * about the target as seen in T, wheel speeds before the fly-around (mission_budget.h). After a
- * time-out of FINAL or HOLD_3 the servicer backs off to the range of the fly-around while attempts
- * are left. With by_arm the arm mates from L_3: the servicer stays there and does not push.
+ * phases are as seen in H up to hold 2, as seen in T from the fly-around on; "too fast" is
+ * for the speed as seen in H. An input from the ground has an effect only while it is > 0. Neither
+ * retreat nor abort ends RIGIDISE, DETUMBLE and STACK. With budget > 0 the estimated tumble rate
+ * decides at hold 2 whether the target can be captured, and how: range of the fly-around, rate of
+ * motion about the target as seen in T, wheel speeds before the fly-around (mission_budget.h).
+ * After a time-out of FINAL or HOLD_3 the servicer backs off to the range of the fly-around while
+ * attempts are left. With by_arm the arm mates from L_3: the servicer stays there without a push.
  * Equations, numbers: section J of docs/models.md. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
@@ -526,7 +526,7 @@ static void publish_selection(const Parameters *p, const State *x, Output *y)
     y->active_stack = force == STACK_LAW || torque == STACK_LAW;
 }
 
-/* The keep-out zone does not apply while `approaching` is 1. During a retreat within R_2
+/* The keep-out zone does not apply while `approaching` is 1. In RETREAT and SAFE within R_2
  * monitor_valid is 0: otherwise the monitor would report the position as an entry into the zone.
  * After capture monitor_valid has the value of monitor_stack; 0 prevents an abort, whose force
  * would turn the stack. */

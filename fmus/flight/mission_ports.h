@@ -141,8 +141,8 @@ typedef struct {
         SWITCH(by_arm,                                                                            \
                "1: mating is by the arm, which grasps from the third hold; 0: by the probe"),     \
         NONNEGATIVE(momentum_max, "N.m.s",                                                        \
-                    "largest value of output momentum for mating, and of its prediction at hold " \
-                    "2; 0 = no limit"),                                                           \
+                    "largest value of output momentum for mating, and, with budget > 0, of its "  \
+                    "prediction at hold 2; 0 = no limit"),                                        \
         NONNEGATIVE(budget, "1",                                                                  \
                     "share (0 to 1) of F_axis and wheel_speed_max for turning with the target; "  \
                     "0: no limits, no wheel bias"),                                               \
@@ -252,12 +252,11 @@ typedef struct {
     /* range; distances along and off the grasp axis a; angle from a to rho; speed as seen in T;
      * angle from X_S to -a; relative rate */
     double R, l, d, los, v_rel, pointing, w_rel;
-    double
-        momentum;  /* angular momentum of both bodies about their centre of mass, without wheels */
-    double tumble; /* |w_T| */
-    vec3 w_mean_S; /* mean of w_T over a nutation, servicer axes */
-    vec3 w_T, a;   /* rate of the target and grasp axis, N axes */
-    vec3 rho;      /* N axes */
+    double momentum; /* angular momentum of both bodies about their centre of mass, wheels locked */
+    double tumble;   /* |w_T| */
+    vec3 w_mean_S;   /* mean of w_T over a nutation, servicer axes */
+    vec3 w_T, a;     /* rate of the target and grasp axis, N axes */
+    vec3 rho;        /* N axes */
 } Geometry;
 
 /* mean over a nutation of the rate w of a free body: its component along the constant angular

@@ -134,8 +134,9 @@ static inline void start_from_last(Iterates *it, Grid old, Grid new)
 
 /* ---- path with which the first solve for a goal starts ---- */
 
-/* point at the fraction `part` of the way from a to b: on a straight line or, with is_arc, on an
- * arc about the target, on which direction and range change at constant rates */
+/* point at the fraction `part` of the way from a to b: with is_arc on an arc about the target, on
+ * which direction and range change at constant rates; else, or if a and b are almost parallel or
+ * opposite, on a straight line */
 static inline vec3 first_way(vec3 a, vec3 b, int is_arc, double part)
 {
     double alpha = angle(a, b);

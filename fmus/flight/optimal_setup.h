@@ -2,8 +2,9 @@
  * constraints of every node from the inputs of one sample. A node is one of the NODES intervals of
  * equal length that divide the horizon.
  *
- * A constraint that the present state violates is widened so far that the state satisfies it; the
- * widening decreases to 0 within `relax_time`. Equations and their numbers: docs/models.md N.2. */
+ * If the state at the start of the plan violates the cone, the slab or keep_out, these are widened
+ * so far that it satisfies them; the widening decreases to 0 within `relax_time`. Limits of
+ * force and speed, and arrive_radius, are not widened. Equations: docs/models.md N.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_SETUP_H
 #define OPTIMAL_SETUP_H

@@ -9,9 +9,9 @@
  * Sigma = diag(-1,-1,1): signs of the channels range, elevation, azimuth (tracking.h); sat: limited
  * to a_max or M_max. The sampled integral I is computed by explicit Euler steps, after the present
  * I has been used in the command. A T_aw > 0 below the sample period has the effect of T_aw =
- * period, because the back-calculation of one sample would otherwise go beyond the limit and
- * diverge. The factor 1/(Ki T_aw) is the usual gain of back-calculation. Equations: docs/models.md
- * C.5 */
+ * period, because the back-calculation of one sample would otherwise go beyond the limit and, with
+ * T_aw below period/2, diverge. The factor 1/(Ki T_aw) is the usual gain of back-calculation.
+ * Equations: docs/models.md C.5 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 

@@ -2,7 +2,7 @@
  * direction and velocity.
  *
  *   d      required direction of X: line of sight dr = r_T - r_S,
- *           or the velocity error before and during a burn
+ *           or +- the velocity error before and during a burn
  *   L      transition quaternion S -> D: two turns (att 0) or the shortest arc (att 1)
  *   omega  = 2 k_q [L1 L2 L3], at most omega_max: required rate, along the axis of L,
  *           so the same in S and D components
@@ -10,7 +10,7 @@
  *           drho_ref = v_req X - v_T
  *   law 1  s = clip(k_r (range - zeta1), -|v_T|, 2 |v_T|),  e_v = v_T + s dr/range - v_S
  *           drho_ref = s dr/range
- *          and the modes COAST (thrust off), ALIGN (turn X to the velocity error), BURN (thrust on)
+ *          and the modes COAST (thrust off), ALIGN (turn X or -X to e_v), BURN (thrust on)
  *          v_close > 0:  s = clip(k_r (range - zeta1), -v_close/2, v_close)
  *
  * zeta1: required range; rho_ref, drho_ref: reference position and velocity of the servicer
@@ -164,7 +164,7 @@ static quat two_turns(quat q_SN, vec3 d)
 {
     double q = sqrt(d.y * d.y + d.z * d.z), cb = q > 0 ? d.y / q : 1, sb = q > 0 ? d.z / q : 0;
     mat3 A = rows(d, vec(-q, d.x * cb, d.x * sb), vec(0, -sb, cb));
-    return canonical(product(conjugate(q_SN), quat_of_dcm(A))); /* half a turn: L1 > 0 */
+    return canonical(product(conjugate(q_SN), quat_of_dcm(A))); /* half a turn: L1 >= 0 */
 }
 
 /* B.4.2: quaternion [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2), of the rotation that turns X

@@ -10,8 +10,8 @@
  * distance of the target from the planet, kappa: ratios of inertia, d: p_GT_T, position of the
  * tracked point from the target's centre of mass, a: unmodelled acceleration. P is the covariance
  * of the errors, truth minus estimate, in the order rho, v, theta, w, kappa, d, a; the attitude
- * error theta is defined by q_TN = q_hat rot(theta). A quantity with neither start covariance nor
- * noise is not estimated: its rows of P stay 0. docs/models.md F.6. */
+ * error theta is defined by q_TN = q_hat rot(theta). kappa, d or a with neither start covariance
+ * nor noise is not estimated: its rows of P stay 0. docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RELATIVE_MOTION_H
 #define RELATIVE_MOTION_H

@@ -1,5 +1,5 @@
 /* safety_escape.h - abort that leaves the target, and rule `escape`, which holds if the drift after
- * an abort ordered now stays outside the zone for every error of navigation and burn within bounds.
+ * an abort ordered now stays outside escape_radius for all bounded errors of navigation and burn.
  *
  *   u   = rho/|rho|, or the axis of the corridor
  *   dv  = abort_speed u - drho

@@ -19,10 +19,10 @@
  * filter 2: as filter 1, but the whole straight way to the stop must be outside the sphere.
  * filter 0: F_cmd_S unchanged; only the barriers are computed.
  *
- * A force that violates no row passes unchanged, to the last bit. Without a valid state F_cmd_S
- * passes at every call, between samples too, and barriers (gaps that remain after braking) retain
- * their values. Rows: filter_rows.h, filter_drift.h. Nearest point: half_spaces.h. Equations,
- * reasons, sources: docs/models.md M. */
+ * Filter 3 passes a force that violates no row unchanged, to the last bit. Without a valid state
+ * F_cmd_S passes at every call, between samples too, and barriers (gaps that remain after braking)
+ * retain their values. Rows: filter_rows.h, filter_drift.h. Nearest point: half_spaces.h.
+ * Equations, reasons, sources: docs/models.md M. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "filter_drift.h"
 #include "earth.h"

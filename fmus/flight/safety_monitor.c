@@ -3,7 +3,8 @@
  *
  *   1 keep-out    ellipsoid or box about the target, Hill or target axes
  *   2 corridor    cone about the direction of approach, Hill or target axes
- *   3 speed       |drho_H| <= v_0 + k |rho|;  with speed_tumble k + |w_T| replaces k
+ *   3 speed       |drho_H| <= v_0 + k |rho|;  with speed_tumble k + min(|w_T|, tumble_max)
+ *                 replaces k
  *   4 passive     the drift without thrust for the next passive_time stays outside the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
  *   6 navigation  no longer than lost_time without a valid relative state; with use_range a state
@@ -31,9 +32,9 @@
  * without thrust until now, gives the velocity before the burn. With abort_relative = 0 it is
  * abort_speed along the corridor axis as directed at the last valid state. While there is no valid
  * state, and before t_armed (filters settle), rules 1 to 5 and 7 are not evaluated, margins retain
- * their values, and the next valid state begins a new arc. At zero range the zone is violated, and
- * the margins of corridor and plume are zero. The adapter rejects inputs that are not finite.
- * Equations: docs/models.md G. */
+ * their values, and the next valid state begins a new arc. Rule 6 also begins at t_armed. At zero
+ * range the zone is violated, and the margins of plume and corridor (with apex 0) are zero. The
+ * adapter rejects inputs that are not finite. Equations: docs/models.md G. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
 #include "safety_escape.h"
@@ -181,7 +182,7 @@ static void predict_drift(const Parameters *p, const Input *u, State *x, Output 
     x->t_foreseen = t;
 }
 
-/* age of the last prediction of the drift [s]; 0 while the rule is not evaluated */
+/* age of the last prediction of the drift [s]; 0 before the first one and while the rule is off */
 static double predicted_age(const State *x, double t)
 {
     return x->margin[PASSIVE] == RESTING ? 0 : larger(0, t - x->t_foreseen);
@@ -407,4 +408,4 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 
 FMU_MODEL(
     "safety_monitor",
-    "Safety monitor of an approach: keep-out zone, corridor, speed, passive safety, plume, escape");
+    "Safety monitor of an approach: keep-out, corridor, speed, passive, plume, navigation, escape");

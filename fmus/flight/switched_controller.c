@@ -6,10 +6,11 @@
  *
  * F_H: force in Hill axes, rho: position relative to the target. Phase 1 or 2 ends when the
  * distance along the approach axis, axis_H . rho_H, is no more than its switch_distance (0: the
- * phase does not end). At most one phase ends per sample, and none begins again. The gains include
- * their sign: a stable feedback has negative gains. Attitude: torque M = -K_att q_vec - P_att w,
- * with the vector part q_vec of q_SD and the angular velocity w relative to the reference. Per
- * servicer axis the force is limited to F_max, the torque to M_max.
+ * phase does not end). At most one phase ends per sample, and none begins again, except that a
+ * sample with active = 0 resets the phase to 1. The gains include their sign: a stable feedback has
+ * negative gains. Attitude: torque M = -K_att q_vec - P_att w, with the vector part q_vec of q_SD
+ * and the angular velocity w relative to the reference. Per servicer axis the force is limited to
+ * F_max, the torque to M_max.
  *
  * Sampled: between two samples force and torque are constant in servicer axes. Source of the
  * phases: the rendezvous benchmark of Chan & Mitra 2017. Equations: docs/models.md H. */

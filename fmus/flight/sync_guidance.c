@@ -103,8 +103,9 @@ static const Variable variables[] = {
         "carried frame: duration of the change from turning with H to turning with the target"),
     NONNEGATIVE_AS("k_steer", steering.k_steer, "1/s",
                    "carried frame: steering rate per sine of the angle off the grasp axis"),
-    NONNEGATIVE_AS("w_steer", steering.w_steer, "rad/s",
-                   "carried frame: largest steering rate; k_integral adds up to as much"),
+    NONNEGATIVE_AS(
+        "w_steer", steering.w_steer, "rad/s",
+        "carried frame: limit of the steering rate by k_steer, and of that by k_integral"),
     NONNEGATIVE_AS(
         "k_integral", steering.k_integral, "1/s2",
         "carried frame: integral gain of the steering rate, per sine of the angle off the grasp "

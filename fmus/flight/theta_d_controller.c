@@ -20,7 +20,7 @@
  * Definitions in full: tracking.h.
  * The costs are squares of acceleration (position) and torque (attitude): so R of range and of
  * attitude has no unit. T0 and the inverse of the Lyapunov operator are computed from the weights
- * at the start.
+ * and J_hat at the start.
  * Source: Xin & Balakrishnan 2002 as used by Yin, Luo, Wei & Yuan 2017; docs/models.md C.5, with
  * the terms that a reference of variable range adds. */
 /* SPDX-License-Identifier: BSD-2-Clause */

@@ -13,24 +13,24 @@
  * Active-set solver after Stark & Parker 1995 (BVLS); it releases at most 100 throttles from their
  * bounds.
  *
- * A command that is not attainable is scaled to s w with the largest attainable s, which is found
- * by decreasing s from 1. The attainable wrenches are a convex set that contains 0. If s w is
- * outside, the residual r = s w - A x is normal to a plane that separates s w from the set, and s
- * becomes r.(A x) / r.w, which is never too small. The sequence ends on the facet through which w
- * leaves the set.
+ * With keep_direction = 1 a command out of reach is scaled to s w with the largest attainable s,
+ * which is found by decreasing s from 1. The attainable wrenches are a convex set that contains 0.
+ * If s w is outside, the residual r = s w - A x is normal to a plane that separates s w from the
+ * set, and s becomes r.(A x) / r.w, which is never too small. The sequence ends on the facet
+ * through which w leaves the set.
  *
  * Pulses: once per period the on-time of each thruster is x_i times the period plus the remainder
  * of the period before, in whole samples; an on-time below min_on_time is added to the next period.
- * So at any time the on-time lags the demand by less than min_on_time or, if this is more, one
- * sample. Thrusters that are known to have failed are not used from lost_from on. Own design; the
- * wrench of a thruster as in docs/models.md B.6. */
+ * So at any time the on-time lags the demand by less than min_on_time, rounded up to whole samples
+ * (at least one). Thrusters that are known to have failed are not used from lost_from on. Own
+ * design; the wrench of a thruster as in docs/models.md B.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "thrusters.h"
 #include "time_grid.h"
 
 enum { EXCHANGES = 100, CUTS = 100, LENGTH = 6 + THRUSTERS };
 #define DAMPING  1e-5 /* sqrt(eps) */
-#define IN_REACH 1e-6 /* a wrench is attainable if |residual| < IN_REACH |wrench| */
+#define IN_REACH 1e-6 /* a command w is attainable if |residual| <= IN_REACH |w| */
 
 typedef struct {
     Thrusters thrusters;

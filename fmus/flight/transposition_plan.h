@@ -2,7 +2,7 @@
  * stays below a limit.
  *
  * Unknown: eps at the nodes 1 .. N-2 of an equidistant grid; eps_0 = eps_{N-1} = eps_N = 0. The
- * iteration ends when max |h| is below the limit, for the spline also at the quarters of the
+ * iteration succeeds when max |h| is below the limit, for the spline also at the quarters of the
  * intervals:
  *
  *   eps <- eps - alpha (J^T W J + lambda S)^-1 J^T W h,   J = dh/deps,

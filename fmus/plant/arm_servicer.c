@@ -118,7 +118,7 @@ typedef struct {
     const Chain *arm;
     const Vehicle *begin;
     const Tree *rigid; /* the arm as part of the base if all joints are locked, else NULL */
-    Composite base;    /* with mass 0: set_vehicle() adds the present mass, at S */
+    Composite base;    /* without the mass of the base body, which set_vehicle() adds at S */
     Wrench tip;        /* load on the end effector, axes of the last link */
     DegreesOfFreedom moving;
     vec3 wheel_accel, wheel_torque; /* A_w dOmega */

@@ -36,7 +36,7 @@ static const Variable variables[] = {
 
     OUTPUT(r_fix_N, "m", "measured position of the servicer, N axes"),
     OUTPUT(v_fix_N, "m/s", "measured velocity of the servicer, N axes"),
-    OUTPUT(fix_time, "s", "time of the fix; -1 = none yet"),
+    OUTPUT(fix_time, "s", "time of the last sample; -1 = none yet"),
     FLAG(fix_valid, "1: a fix was taken at fix_time"),
 };
 

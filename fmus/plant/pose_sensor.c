@@ -103,7 +103,7 @@ static const Variable variables[] = {
 
     OUTPUT(r_GK_K, "m", "measured position of the tracked point from the camera, camera axes"),
     OUTPUT(q_TK, "1", "measured attitude of the target relative to the camera, scalar first"),
-    OUTPUT(pose_time, "s", "time of the measurement; -1 = none yet"),
+    OUTPUT(pose_time, "s", "time of the published sample; -1 = none yet"),
     FLAG(pose_valid, "1: a measurement was taken at pose_time"),
     NONNEGATIVE_OUTPUT(pose_status, "1",
                        "sum of 1 out of view, 2 out of range, 4 Sun in cone, 8 outage, "

@@ -49,7 +49,7 @@ static const Variable variables[] = {
     INPUT(r_SN_N, "m", "position of the servicer, N axes"),
 
     OUTPUT(range_meas, "m", "measured distance of the centres of mass; 0 = no measurement"),
-    OUTPUT(range_time, "s", "time of the measurement; -1 = none yet"),
+    OUTPUT(range_time, "s", "time of the published sample; -1 = none yet"),
     FLAG(range_valid, "1: a range was measured at range_time"),
 };
 

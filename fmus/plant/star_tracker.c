@@ -55,7 +55,7 @@ static const Variable variables[] = {
     INPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),
 
     OUTPUT(q_AN, "1", "measured attitude of the star tracker relative to N, scalar first"),
-    OUTPUT(star_time, "s", "time of the measurement; -1 = none yet"),
+    OUTPUT(star_time, "s", "time of the last sample; -1 = none yet"),
     FLAG(star_valid, "1: a measurement was taken at star_time"),
 };
 

@@ -33,10 +33,11 @@ def build(
 ) -> Path:
     """Build an FMU from a C or Python file, or from a policy, and return its path.
 
-    name: the file, a folder NAME with NAME.c or NAME.py, or a policy .npz or .onnx; output: path of
-    the FMU (default: NAME.fmu beside the file); compiler: command for C with its arguments, quoted
-    as in a shell; fmi: version of FMI, 2 or 3 (a Python file: 2 only). Raises UsageError if the
-    file, the compiler or a package is missing, and FmuError with the message of the compiler.
+    name: the file (.c, .py, or a policy .npz or .onnx), or a folder NAME with one such file
+    NAME.c, ...; output: path of the FMU (default: NAME.fmu beside the file); compiler: command for
+    C with its arguments, quoted as in a shell; fmi: version of FMI, 2 or 3 (a Python file: 2 only).
+    Raises UsageError if the file, the compiler or a package is missing, and FmuError with the
+    message of the compiler.
     """
     source = _source(Path(name))
     target = Path(output) if output is not None else source.with_suffix(".fmu")

@@ -58,7 +58,7 @@ def write_system(
 ) -> list[str]:
     """Write the C interface of the flight software in a system to which the changes are applied,
     and return the names of its FMUs. compiler: command of a C compiler; changes: as for run().
-    Raises the exceptions that run() raises before the first step.
+    Raises the exceptions of run().
     """
     with load(system) as loaded:
         changed = apply(loaded, **changes)

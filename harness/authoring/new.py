@@ -44,7 +44,7 @@ def _new_folder(kind: str, name: str, folder: str | Path, taken: Collection[str]
     """
     if not re.fullmatch(r"[A-Za-z]\w{0,59}", name, re.ASCII) or keyword.iskeyword(name):
         raise UsageError(
-            f"{name}: a {kind} is named by a letter, then letters, digits, _; no keyword: my_{kind}"
+            f"{name}: a {kind} is named by a letter, then up to 59 letters, digits, _; no keyword"
         )
     if name in taken:
         raise UsageError(f"{name}: the name is taken by an FMU, system or mission; choose another")

@@ -46,8 +46,9 @@ def unlike(paper: Paper, result: Result) -> list[str]:
 
 
 def _deviations(result: Result, case: Case) -> list[str] | None:
-    """Return one text per deviation of a result from a case; None if its system is missing. For a
-    result of another system, return one text SHOWN + 1 times, so that other cases are nearer.
+    """Return one text per deviation of a result from a case; None if its system is missing or
+    cannot be loaded. For a result of another system, return one text SHOWN + 1 times, so that other
+    cases are nearer.
     """
     path = paths.systems().get(case.system)
     if path is None:

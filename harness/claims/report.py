@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Report of a result as plain text: its requirements; for every claim of a paper the text of the
-claim, the value in the result and the verdict; then the findings of the safety monitor.
+claim, the value in the result and the verdict; then the findings of safety monitor and filter.
 
-The mission of a result lists the papers. The variables of the result determine which of these
-papers have claims that apply to the result.
+The mission of a result lists the papers. The variables and parameters of the result determine which
+of these papers have claims that apply to the result.
 """
 
 from __future__ import annotations
@@ -157,17 +157,17 @@ def _judgement(claim: Claim, found: Judgement, other: bool) -> Iterator[Line]:
     yield Line(Kind.CLAIM.word(found.verdict) + mark, verdict, CELL.format("verdict"))
 
 
-HEADING = "Safety: smallest margin of every rule in force, also between samples of the monitor"
+HEADING = "Safety: smallest margin of every rule in force"
 
 
 def rule_findings(mission: Mission, result: Result) -> list[RuleFinding]:
-    """Return the findings of the safety monitors of a run, one for each monitor and safety rule."""
+    """Return the findings on the rules of safety monitor and filter that were in force in a run."""
     return [found for rules in mission.rules for found in several(RuleFinding, rules, result)]
 
 
 def safety(mission: Mission, result: Result) -> str:
     """Return a table with one line per safety rule in force during the run; "" if no rule was in
-    force or the system has no safety monitor.
+    force, for example because the system has neither safety monitor nor filter.
     """
     rows = [
         (each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit)

@@ -129,9 +129,9 @@ def check_command(
 ) -> None:
     """Report every mistake of a system or an FMU.
 
-    An error prevents a run (exit status 1). A warning is a deviation from the standard. Options
-    such as --set change the system before the check. Without a name the command lists the flight
-    processors of --on, each with `ready` or the tools that this machine lacks.
+    An error prevents a run (exit status 1). A warning does not, such as a deviation from the
+    standard. Options such as --set change the system before the check. Without a name the command
+    lists the flight processors of --on, each with `ready` or the tools that this machine lacks.
     """
     from harness.studies import check as study
 

@@ -124,8 +124,8 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
 ) -> None:
     """Run a system and write the results.
 
-    Without -o the results are in results/SYSTEM.nc, with --like RESULT in SYSTEM_again.nc. With
-    --like RESULT the exit status is 1 if the bits differ from that result.
+    Without -o the results are in results/SYSTEM.nc. If --like names a results file, they are in
+    results/SYSTEM_again.nc, and the exit status is 1 if the bits differ from that file.
     """
     # OpenBLAS starts no further threads, since they would have no work in a run
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

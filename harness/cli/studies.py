@@ -79,7 +79,7 @@ class Compared:
 
     executor: ExecutorOption = None
     every: Annotated[
-        int | None, option("", "Record every N-th macro step (default: at most 20 000 rows)")
+        int | None, option("", "Record every N-th macro step (default: at most 20 001 rows)")
     ] = None
     metrics: Annotated[str | None, option("A,B,..", "Columns of the table (default: all)")] = None
     patience: PatienceOption = None

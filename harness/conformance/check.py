@@ -162,7 +162,9 @@ def _names(d: Description) -> Iterator[str]:
 
 
 def _definitions(d: Description) -> Iterator[str]:
-    """Check that every type and variable to which the description refers exists."""
+    """Check that the types of variables exist, and the variables to which the attributes derivative
+    and clocks and the model structure refer.
+    """
     for v in d.variables:
         if v.type_name and v.type_name not in d.types:
             yield f"{v}: its type {v.type_name} is not defined"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Model description of an FMU of FMI 2.0 or FMI 3.0 for the conformance checks. For FMI 3.0 too,
-variables have the types of FMI 2.0, such as Real for Float64. Missing attributes have the default
-values that the standard defines.
+variables have the types of FMI 2.0, such as Real for Float64, except Binary and Clock. Missing
+attributes have the default values that the standard defines.
 """
 
 from __future__ import annotations
@@ -57,7 +57,9 @@ INITIAL_3 = {
     **{("structuralParameter", v): ("exact",) for v in _FIXED},
     **{("input", v): ("", "exact") for v in _ANY},
 }
-"""Permitted values of `initial` in FMI 3.0 (2.4.7.5), in the form of INITIAL."""
+"""Permitted values of `initial` in FMI 3.0 (2.4.7.5), in the form of INITIAL; for an input the
+attribute may be missing.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +245,7 @@ class Description:
 
     def aliases(self) -> list[list[Declared]]:
         """Return groups of variables with equal value references. In FMI 2.0 each type has its own
-        value references, so the variables of a group have the same type there.
+        value references, except that Integer and Enumeration share theirs.
         """
         found: dict[tuple[str, int], list[Declared]] = {}
         for v in self.variables:

@@ -269,7 +269,7 @@ OF_VARIABLES = (_naming, _kind, _roles, _exchanged, _starts, _limits)
 
 def _build(d: Description) -> Iterator[str]:
     """Check that an FMU with C files has a build description, which refers to existing interfaces,
-    names the compiler if it states compiler options, and lists no file twice.
+    names the compiler if it states compiler options, and lists no file of a set twice.
     """
     if d.build is None:
         if any(name.startswith("sources/") and name.endswith(".c") for name in d.files):

@@ -3,5 +3,5 @@
 the N2 diagram of a system.
 
 A figure is drawn if the result has the variables that it needs. If no figure of the mission can be
-drawn, general figures show all variables, component by component.
+drawn, general figures show all variables that change, component by component.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Last changes to every figure: axis limits that hide rounding errors, time axes that end with the
+"""Last changes to figures of runs: limits that hide rounding errors, time axes that end with the
 run, at least three ticks on logarithmic axes, aligned labels. In figures for print, curves also
 differ without colour, and symbols look as in formulas.
 """

@@ -43,7 +43,7 @@ def plot(
     style: Style = SCREEN,
     variables: Sequence[str] = (),
 ) -> list[Path]:
-    """Draw every figure for which the result has the variables, or one figure of the named
+    """Draw every figure that changes and whose variables the result has, or one figure of the named
     variables; return the paths of the files.
 
     ending: png, svg or pdf. Raises ResultsError if no figure fits and all variables are constant,
@@ -103,8 +103,8 @@ def overlay(
 
     A figure leaves out the runs that lack one of its variables, and its title names these runs. A
     figure for which only one run has the variables is not drawn, and a note names it. Ten or more
-    runs are coloured by a scale and have a band from the 5th to the 95th percentile instead of a
-    legend. Raises ResultsError if the directory cannot be written.
+    runs are coloured by a scale instead of a legend, and have a band from the 5th to the 95th
+    percentile if their times are equal. Raises ResultsError if the directory cannot be written.
     """
     found, alone = compared(results) if results else ([], [])
     if alone:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""FMI adapter: the C code between the FMI functions and a model. It is compiled once per compiler,
-and every FMU that is built here is linked with the same object files.
+"""FMI adapter: the C code between the FMI functions and a model. It is compiled once per compiler
+and FMI version, and every FMU that is built here is linked with the same object files.
 """
 
 from __future__ import annotations

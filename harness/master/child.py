@@ -249,7 +249,7 @@ def _work(
 
 
 def _stand_alone() -> None:
-    """Ignore the signals of a terminal (Ctrl-C, hang-up), and end together with the parent."""
+    """Ignore Ctrl-C, SIGTERM and SIGHUP, and end together with the parent."""
     for number in NUMBERS:
         signal.signal(number, signal.SIG_IGN)
     if hasattr(os, "setsid"):

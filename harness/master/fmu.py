@@ -80,7 +80,8 @@ class Instance:
     """Loaded instance of the FMU of one component."""
 
     def __init__(self, node: Node, folder: Callable[[], Path], ours: bool | None = None) -> None:
-        """Unpack, load and instantiate the FMU of a node; raise FmuError if that fails.
+        """Unpack, load and instantiate the FMU of a node; raise ArchiveError or FmuError if that
+        fails.
 
         folder: function that returns the folder for unpacked third-party FMUs; ours: whether the
         FMU belongs to the project (None: decided by its bytes). Such an FMU has no global

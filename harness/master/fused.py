@@ -56,8 +56,8 @@ FMA).
 """
 
 LIBRARY = "ziglang"
-"""Python package that contains the compiler zig, for WebAssembly modules and as a replacement for a
-missing C++ compiler.
+"""Python package that contains the compiler zig, for live pages and as a replacement for a missing
+C++ compiler.
 """
 ZIG = (sys.executable, "-m", LIBRARY)
 

@@ -76,8 +76,8 @@ class Board:
     """FMU that this machine serves as a board would; a context manager that frees the FMU."""
 
     def __init__(self, fmu: Path) -> None:
-        """Load the FMU; raise FmuError if it cannot be loaded here, UsageError without Unix
-        sockets.
+        """Load the FMU; raise FmuError if it is no FMU of FMI 2.0 with a binary for this machine,
+        UsageError if board.so has not been built.
         """
         interface = read_interface(fmu)
         if interface.fmi != 2:

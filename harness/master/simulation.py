@@ -48,7 +48,7 @@ CHUNK_SECONDS = 0.1
 
 MAX_ROUNDS = 200
 """Largest number of rounds in which initial values are propagated. A loop of two components with
-gain 1/2 settles to the last bit in half as many rounds.
+loop gain 1/2 settles to the last bit in about half as many rounds.
 """
 
 _log = logging.getLogger("harness")
@@ -80,8 +80,8 @@ class Simulation:
             result = simulation.result()
             other = simulation.run(set={"servicer.mass_0": 120})
 
-    A further run resets the loaded FMUs instead of loading them again; its results are
-    bit-identical.
+    A further run resets the loaded FMUs of the project instead of loading them again; its results
+    are bit-identical.
     """
 
     def __init__(

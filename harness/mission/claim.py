@@ -94,7 +94,7 @@ ROUNDING = 1e-6
 
 
 class NotJudgedError(Exception):
-    """Error: a result lacks data that a claim needs. str() gives the reason."""
+    """Error: a claim cannot be evaluated with a result. str() gives the reason."""
 
 
 class NotExercisedError(NotJudgedError):

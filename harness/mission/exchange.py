@@ -85,8 +85,9 @@ def of_system(system: System) -> Start:
 
 
 def remarks(result: Result) -> Iterator[str]:
-    """Yield the lines, for example about eclipses, that the function `Exchange.remarks` of a
-    result's mission adds to the report page of the result; the mission's notes are not included.
+    """Yield the lines, for example about eclipses, that `Exchange.remarks` adds to the report page
+    of a result, without the mission's notes. If the mission of the result has no Exchange, the
+    functions `remarks` of all available missions are called.
     """
     for each in _offered(of_result(result)):
         if each.remarks is not None:

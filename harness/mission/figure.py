@@ -147,7 +147,9 @@ class Panel(Checked):
     """Pair of axes over time. after: begin of the time axis [s], or a function of the result that
     returns it; log: logarithmic values; level: a horizontal line; idle_until: function of the
     result that returns a time [s]: before it the drawn quantities have no effect, and the panel is
-    shaded; least: whether the smallest value of each curve is labelled.
+    shaded; least: whether the smallest value of each curve with a single line is labelled. In
+    figures of several runs, `after`, `least`, and `anew` and `parameters` of curves have no effect
+    on the drawing.
     """
 
     ylabel: str
@@ -170,7 +172,7 @@ class Panel(Checked):
 
     def rows(self, result: Result) -> slice:
         """Return the rows to draw: rows from the start of the time axis on, or all rows if the run
-        ends before this time.
+        ends at or before this time.
         """
         start = self.after(result) if callable(self.after) else self.after
         shown = start < result.time[-1]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Contents of a mission as data: figures, metrics, claims and so on.
 
-A mission is a folder with `system.toml`, further systems, `campaigns/` and, for contents of its
-own, `mission.py` with
+A mission is a folder with `system.toml`, perhaps further systems and `campaigns/`, and `mission.py`
+for contents of its own; one of the two files is enough. `mission.py` defines
 
     MISSION = Mission(figures=(...), metrics=(...), claims=(...))
 
@@ -54,10 +54,10 @@ class Metric(BaseMetric):
     beside: whether the page of a run omits the metric from its headline values; about: function of
     limits and results by label that returns the last line of the column's heading, a text about the
     limits of the metric; words: names of the values 0, 1, ..; apart: a comparison warns if
-    values differ by more than this factor; above: a comparison shows the metric, with a warning,
-    only if a value exceeds this number; meaning: a sentence that explains the metric to readers of
-    a page; live: function of result and limits that returns the expression for a live page, if
-    `compute` returns no expression.
+    positive values differ by more than this factor; above: a comparison warns if a value exceeds
+    this number, and its text omits the metric otherwise; meaning: a sentence that explains the
+    metric to readers of a page; live: function of result and limits that returns the expression for
+    a live page, if `compute` returns no expression.
     """
 
     beside: bool = False
@@ -141,9 +141,7 @@ def exceeding(
 
 
 class FinalMetric(BaseMetric):
-    """Metric whose value in the last row is stated in the head of a page. Its function returns a
-    time series.
-    """
+    """Metric whose value in the last row is stated in the head of a page. It is a time series."""
 
     def text(self, result: Result) -> str:
         """Return the value in the last row (of a vector, the sum of its elements) with its unit, or
@@ -222,7 +220,7 @@ class Scene(NamedTuple):
 
 class Steering(NamedTuple):
     """Task for an agent that replaces components and sets their outputs. open: replaced components;
-    every: macro steps per action (0: period of the components); cost: expression whose increase is
+    every: macro steps per action (0: longest of their periods); cost: expression whose increase is
     the cost of a step; ends: conditions that end an episode; bounds: pairs (output, bound) for
     outputs that no actuator limits; a bound is x for -x to x, or the smallest and largest value.
     """

@@ -171,7 +171,7 @@ def functions(interface: Interface) -> dict[str, str]:
 def build(parts: Sequence[Part], processor: Processor) -> bytes:
     """Return the content of an ELF file with the firmware for these components.
 
-    Raises FmuError if an FMU has no source code, or if it does not compile for the processor.
+    Raises FmuError if an FMU is of FMI 3.0 or has no source code, or if it cannot be built.
     """
     with TemporaryDirectory(prefix="harness-firmware-") as place:
         return _linked(parts, processor, Path(place)).read_bytes()

@@ -10,7 +10,7 @@ Options follow a question mark: timeout (seconds for an answer), retries (repeti
 deadline (seconds after which the answer to a step is late), late (reaction to a late answer), slot
 (number of the component on the board), baud (rate of a serial line). In the system, a link FMU
 represents the component. It consists of the model description of the component, the library of the
-link, and the settings of the link.
+link, the settings of the link and, for an emulated processor, the firmware.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ def _count(text: str) -> bool:
 OPTIONS = {
     "timeout": ("seconds above 0", _seconds),
     "deadline": ("seconds above 0", _seconds),
-    "retries": ("a whole number", _count),
-    "slot": ("a whole number", _count),
-    "baud": ("a whole number", _count),
+    "retries": ("a whole number below 2^31", _count),
+    "slot": ("a whole number below 2^31", _count),
+    "baud": ("a whole number below 2^31", _count),
     "late": ("wait, hold or stop", LATE.__contains__),
 }
 """Options of a place by name: the expected value in words, and a function that checks a value."""

@@ -148,8 +148,8 @@ def points_of(curves: int, least: int, most: int) -> int:
 
 
 class Canvas:
-    """Thinning and storage of the curves of a page; arrays: storage; points: largest number of
-    points per curve; thinned: whether a curve has been drawn with fewer points than it has rows.
+    """Thinning and storage of the curves of a page; arrays: storage; points: about how many points
+    a long curve has; thinned: whether a curve has been drawn with fewer points than it has rows.
     """
 
     def __init__(self, arrays: Arrays, points: int) -> None:

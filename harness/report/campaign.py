@@ -30,8 +30,8 @@ from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING
 from harness.system.units import with_unit
 
 POINTS = 3000
-"""Largest number of points on each edge of a percentile band, and of runs that a plot shows as
-dots.
+"""Approximate largest number of points on each edge of a percentile band, and of runs that a plot
+shows as dots.
 """
 STATES = {"complete": COMPLETE, "failed": FAILED, "pending": PENDING}
 """Values of the array `status` of a dataset, by the word that the page shows."""

@@ -4,8 +4,8 @@ When a slider is moved, the page runs the system again in the browser, and compu
 headline values, curves and the replay from the new rows by the instructions in the page.
 
 There are no instructions for a curve or headline value that a Python function of a mission
-computes. After a slider has been moved, such a curve or value still shows the run in the file, and
-a label states this.
+computes, nor for a curve that is interrupted at jumps. After a slider has been moved, such a curve
+or value still shows the run in the file, and a label states this.
 """
 
 from __future__ import annotations
@@ -95,8 +95,9 @@ def read_lesson(path: Path) -> Lesson:
 def of_run(result: Result, lesson: Lesson | None = None) -> str:
     """Return the live page of one run, which contains its system, as HTML text.
 
-    Raises UsageError if the result does not name its system, HarnessError if the compiler is
-    missing or the system cannot be compiled into one module.
+    Raises UsageError if the result does not name its system or has a variable that is not an output
+    of the system, HarnessError if the compiler is missing or the system cannot be compiled into one
+    module.
     """
     known = result.provenance
     if known is None or not known.source:
@@ -132,10 +133,10 @@ def programs(result: Result, canvas: Canvas, lesson: Lesson | None = None) -> Da
     """Return the instructions with which the page computes requirements, exercises, curves and
     arrays of the replay from the rows of another run.
 
-    The entry `samples` describes each array of the replay by the number of an instruction, the
-    reduction of the rows from an instant up to the next ("row": none; "mean", "least", "largest"),
-    and an index in the entry `rows`. The element of `rows` with this index is the list of the rows
-    at the instants of the array; arrays with equal lists share one element.
+    The entry `samples` describes each array of the replay that can be computed, by the number of an
+    instruction, the reduction of the rows from an instant up to the next ("row": none; "mean",
+    "least", "largest"), and an index in the entry `rows`. The element of `rows` with this index is
+    the list of the rows at the instants of the array; arrays with equal lists share one element.
     """
     known, arrays, lists = result.provenance, canvas.arrays, dict[tuple[int, ...], int]()
     wanted = known.requirements if known else ()

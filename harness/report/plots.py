@@ -3,7 +3,7 @@
 drawn with matplotlib and read back from the drawn axes, so that one definition of a figure serves
 files and pages. Axes in three dimensions are left out, because the page has a replay.
 
-A plot is a dictionary: `title`, `x` and `y` (labels of the axes), `time` (whether x is the time of
+Main entries of a plot: `title`, `x` and `y` (labels of the axes), `time` (whether x is the time of
 the run; all such plots zoom together), `log` (logarithmic y), `levels` (horizontal lines: height
 and text), `shade` (vertical bands: [begin, end, text]) and `curves`. A curve contains the names of
 its arrays, and its look: `colour` is an index of the palette or "ink", `dash` a line style of
@@ -173,7 +173,7 @@ def _look(line: Any, points: int) -> Plot:
 
 
 def _areas(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
-    """Yield the images, coloured meshes, filled areas and bars of axes as plots of the page;
+    """Yield the images, coloured meshes, filled areas and bars of axes as curves of the page;
     unit: factor from the unit of x in the figure to its unit in the page, not applied to meshes.
     """
     yield from (_image(canvas, image, unit) for image in axes.images)

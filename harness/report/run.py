@@ -107,7 +107,9 @@ def message(result: Result) -> str:
 
 
 def notes(result: Result) -> list[str]:
-    """Return the notes of the mission about a run, and notes on missing data, one line each."""
+    """Return the notes and remarks of the mission about a run, and notes on a missing mission and
+    on values that cannot be drawn, one line each.
+    """
     found = [*notes_of(result), *remarks(result), missing(result), gaps(result)]
     return [line for line in found if line]
 
@@ -125,7 +127,8 @@ def gaps(result: Result) -> str:
 
 def headline(result: Result) -> tuple[str, str]:
     """Return two sentences for the head of the page: the description of the system with the end
-    time, and how the run ended, with final metrics of the mission and counts of verdicts.
+    time, and how the run ended, with up to three final metrics of the mission and counts of the
+    verdicts on requirements.
     """
     text = result.system
     if result.system in paths.systems():
@@ -146,8 +149,8 @@ def headline(result: Result) -> tuple[str, str]:
 
 def chips(result: Result) -> list[tuple[str, str]]:
     """Return the badges in the head of the page, the worst first, as pairs of style and text: the
-    state of the run, and counts of safety rules, requirements and claims by verdict, such as `2
-    requirements not met`.
+    state of the run, OTHER for each paper from whose cases the run deviates, and counts of safety
+    rules, requirements and claims by verdict, such as `2 requirements not met`.
     """
     given = judgements(result)
     found = [("none", "complete") if result.complete else ("bad", "incomplete")]
@@ -174,8 +177,8 @@ def cell(value: float, words: Sequence[str] = ()) -> str:
 
 
 def metrics(result: Result) -> Iterator[tuple[Metric, float]]:
-    """Yield the metrics of the mission whose variables the result has, each with its value, which
-    is NaN if the metric has no value in this run.
+    """Yield the metrics of the mission whose variables the result has, except those with `beside`,
+    each with its value, which is NaN if the metric has no value in this run.
     """
     offered = of_result(result)
     limits = offered.limits(Limits(), {"": result}) if len(result.time) else Limits()

@@ -3,8 +3,8 @@
 
 An expression contains the names of variables of the result, as in `last(norm(servicer.r_SN_N -
 target.r_TN_N))`, or of elements, as in `servicer.r_SN_N[1]`. It can call only the functions listed
-in FUNCTIONS. A number may have a unit: `guidance.beta_t <= 2 deg`. Names are compared in Unicode's
-normal form NFKC.
+in FUNCTIONS and WINDOWED, implies() and parameter(). A number may have a unit: `guidance.beta_t <=
+2 deg`. Names are compared in Unicode's normal form NFKC.
 """
 
 from __future__ import annotations
@@ -221,7 +221,7 @@ class Node:
 
     @property
     def text(self) -> str:
-        """Return the text of this node as the user wrote it."""
+        """Return the text of this node, with numbers, spaces and brackets as Python writes them."""
         written = ast.unparse(self.source) if self.source else self.name
         return re.sub(r"quantity\((\S+), '(\S+)'\)", r"\1 \2", written)
 

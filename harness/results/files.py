@@ -96,8 +96,8 @@ class ResultFile:
     def write(self, result: Result) -> None:
         """Write the result of a complete run, and remove the partial file of an earlier run.
 
-        Raises ResultsError on failure. An earlier file then stays unchanged, and the result is
-        stored elsewhere if possible.
+        Raises ResultsError on failure. An earlier file then stays unchanged, except a .csv if only
+        its NAME.csv.toml cannot be written, and the result is stored elsewhere if possible.
         """
         try:
             self._write(result, self._target)

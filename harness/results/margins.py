@@ -43,8 +43,8 @@ class Limits:
     def applying(self, result: Result) -> Any:
         """Return the rows in which none of these conditions holds, so that the requirement depends
         on its other conditions, as an index of an array: ALL, a slice, or an array of row numbers.
-        Return None if there is no such row, if one of these conditions has a value per element, or
-        if a quantity in one of them is NaN in any row.
+        Return None if there is no such row, if one of these conditions does not have exactly one
+        value per row, or if a quantity in one of them is NaN in any row.
         """
         if not self._holds:
             return ALL

@@ -44,8 +44,9 @@ class Finding:
     value, unit, time [s]: the compared quantity in the row with the smallest margin (None: there is
     none); reason: why there is no value, or, for a requirement with a window, its margin as text;
     margin: distance to failing, negative if the requirement fails, -inf for a run that ended early
-    or a value that is not a number, None for NOT_EXERCISED and NOT_JUDGED; margin_unit: unit of the
-    margin, "" if quantities of several units are compared.
+    (unless all windows of the requirement were over) or a value that is not a number, None for
+    NOT_EXERCISED and NOT_JUDGED; margin_unit: unit of the margin, "" if quantities of several units
+    are compared.
     """
 
     name: str
@@ -212,8 +213,8 @@ def _check(tree: Node) -> None:
 
 
 def has_slope(text: str) -> bool:
-    """Return whether the margin of a requirement changes gradually, as the search for a worst run
-    requires. Equalities and flags have no gradual margin: they hold or fail.
+    """Return whether the margin of a requirement changes gradually from met to not met, as the
+    search for a worst run requires: it compares by <, <=, > and >= only. Flags hold or fail.
     """
     found = list(compared(parsed(text)))
     return bool(found) and all(leaf.name in ("<", "<=", ">", ">=") for leaf in found)
@@ -275,8 +276,8 @@ def _found(result: Result, name: str, text: str) -> Finding:
 
 
 def _ended_early(result: Result, found: Finding) -> Finding:
-    """Return the finding for a run that ended early. Such a run meets no requirement, because the
-    rest of the run is unknown.
+    """Return the finding for a run that ended before the requirement was decided. It is not met,
+    because the rest of the run is unknown.
     """
     reason = f"the run ended early, at {result.time[-1]:g} s"
     nothing = replace(found, value=None, unit="", time=None)
@@ -310,8 +311,8 @@ def _of_one_row(result: Result, found: Finding, required: Requirement) -> Findin
     """Return the finding for a requirement with a single comparison (Requirement.single): the row
     with the least margin decides.
 
-    Return None if only _evaluated() can state the finding: the requirement has several comparisons,
-    applies in no row, or has a margin that is not finite.
+    Return None if only _evaluated() can state the finding: `single` or the rows from
+    Limits.applying() are None, or the margin is not finite.
     """
     single = required.single
     if single is None or (rows := single.limits.applying(result)) is None:
@@ -343,7 +344,7 @@ def _evaluated(result: Result, found: Finding, required: Requirement) -> Finding
     truth, least = values[required.truth], values[required.margin]
     met = bool(np.all(truth == 1))
     if met and not values[required.exercised]:
-        reason = f"the run ends at {result.time[-1]:g} s, before it applies"
+        reason = f"it does not apply up to the end at {result.time[-1]:g} s"
         return replace(found, verdict=Verdict.NOT_EXERCISED, reason=reason)
     undecided = np.isnan(truth).any(axis=1)
     row = int(np.argmax(undecided) if undecided.any() else np.argmin(least))

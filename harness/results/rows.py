@@ -66,8 +66,7 @@ SAME = ("table", "positive")
 
 
 def _of_vectors(name: str, *vectors: Sequence[float]) -> list[float]:
-    found: list[float] = np.ravel(FUNCTIONS[name].value(*map(np.array, vectors))).tolist()
-    return found
+    return list(map(float, np.ravel(FUNCTIONS[name].value(*map(np.array, vectors)))))
 
 
 _QUICK = vars(math) | {"abs": abs, "min": min, "sorted": sorted, "of_vectors": _of_vectors}

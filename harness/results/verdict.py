@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Verdict(Enum):
-    """Verdict on a requirement, a claim or a safety rule. The enum value is its style on a page.
+    """Verdict on a statement of any Kind. The enum value is its style on a page.
 
     NOT_EXERCISED: the condition did not apply in the run, which may have ended too early.
     NOT_JUDGED: the condition could not be evaluated.

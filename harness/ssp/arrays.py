@@ -120,8 +120,8 @@ def shape(interface: Interface, variable: Variable) -> Index:
 
 
 def type_name(variable: Variable, version: int) -> str:
-    """Return the name of a variable's type in SSP 1 or 2. In SSP 2, numbers have the type names of
-    FMI 3.0, such as Float64.
+    """Return the name of a variable's type in SSP 1 or 2. In SSP 2, numbers of an FMU of FMI 3.0
+    have the type names of FMI 3.0, such as Float64.
     """
     is_number = variable.type in ("Real", "Integer")
     return variable.access if version > 1 and is_number else variable.type

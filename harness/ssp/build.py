@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Build of an .ssp from ssp/*.toml: components connected by name, one table of parameters per
-component, all checks.
+"""Build of an .ssp from the TOML file of a system: components connected by name, one table of
+parameters per component, all checks.
 
     python -m harness.ssp.build SYSTEM.toml --fmus FOLDER -o SYSTEM.ssp
 

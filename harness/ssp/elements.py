@@ -188,8 +188,8 @@ class Tree:
 
     def _end(self, element: XmlElement, side: str, place: Place) -> tuple[End, bool | None]:
         """Return the `start` or `end` of a connection, and whether it is the source of the signal
-        (None if the kind of the connector leaves this open); raise ValueError if there is no such
-        connector.
+        (None if the kind of the connector leaves this open, or a component does not declare it);
+        raise ValueError if there is no such element, or the system has no such connector.
         """
         name, connector = element.get(f"{side}Element"), element.get(f"{side}Connector")
         if name is not None and name not in self.inside[place]:

@@ -24,7 +24,7 @@ from harness.system.values import Index, Name
 Hops = tuple[Hop, ...]
 
 MAX_CHAIN = 200
-"""Largest number of connectors of systems between an output and an input; a loop passes more."""
+"""Largest number of connections on the way from an output to an input; a loop passes more."""
 
 
 class Flat:
@@ -89,7 +89,7 @@ class Flat:
         """Follow an input of a component back from its last connection `edge`, and connect it with
         the output that drives it, if there is one. Raise ValueError if several connections lead to
         one connector, if connected arrays differ in shape, if an array lacks the selected element,
-        or if the way passes more than MAX_CHAIN connectors.
+        or if the way has more than MAX_CHAIN connections.
 
         shape: shape of the array to which the scalar belongs, None if a connection has selected a
         single element; index: indices of the scalar in the array.
@@ -114,7 +114,7 @@ class Flat:
             if len(before) > 1:
                 raise ValueError(f"{source} is driven {len(before)} times, expected once")
             edge = before[0]
-        raise ValueError(f"passes more than {MAX_CHAIN} connectors of systems, perhaps in a loop")
+        raise ValueError(f"has more than {MAX_CHAIN} connections on its way, perhaps in a loop")
 
     def _connect(
         self, source: Point, shape: Index | None, index: Index, variable: Point, hops: Hops

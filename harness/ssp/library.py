@@ -25,8 +25,8 @@ def load(system: str | Path | System) -> Iterator[System]:
     block.
 
     A System is yielded unchanged. For a TOML file and for the folder of a mission, the system is
-    built first, and the Python files of the folder are loaded as a mission. Raises UsageError,
-    ArchiveError or StructureError.
+    built first, and take_mission() is called. Raises UsageError, ArchiveError, StructureError or
+    FmuError.
     """
     if isinstance(system, System):
         yield system
@@ -61,7 +61,7 @@ def name_of(path: Path) -> str:
 
 
 def _built(path: Path) -> System:
-    """Return the system of a TOML file, after loading the mission of its folder."""
+    """Return the system of a TOML file, after take_mission()."""
     # imported only here, because build imports msgspec, which reading an .ssp does not need
     from harness.ssp import build
 
@@ -83,8 +83,8 @@ def leave_python(system: str | Path) -> None:
 
 
 def take_mission(system: Path) -> None:
-    """Load the mission in the folder of a system's TOML file, unless leave_python() has disabled
-    the Python of this folder.
+    """Add the mission in the folder of a system's TOML file to the library of missions, unless
+    leave_python() has disabled the Python of this folder.
     """
     if system.resolve().parent in _without_python:
         return

@@ -3,8 +3,8 @@
 and calls no FMU.
 
 XML prefixes may have any name, only the namespaces count. Nested systems are flattened. A file
-with content that cannot be run is rejected: model exchange, signal dictionaries, connections
-between parameters, tables that transform signals.
+with content that cannot be run is rejected: signal dictionaries, connections between parameters,
+tables that transform signals.
 """
 
 from __future__ import annotations

@@ -82,8 +82,7 @@ def first(element: XmlElement, path: str) -> XmlElement | None:
 
 def every(element: XmlElement, path: str) -> Iterator[XmlElement]:
     """Yield all elements at a path of prefixed names."""
-    found: Iterator[XmlElement] = element.iterfind(path, NS)
-    return found
+    return iter(element.iterfind(path, NS))
 
 
 def kind_of(element: XmlElement) -> str:

@@ -211,9 +211,9 @@ def rejected(
     """Yield an error for each component whose FMU rejects its parameter values. Every component is
     initialised alone, once per distinct combination of its values.
 
-    third_party: names of components that are initialised even if their FMUs are third-party, each
-    in a separate process (other third-party FMUs are left out); patience: limit for one call into
-    such an FMU [s].
+    third_party: names of components that are tried even if their FMUs are third-party, each by a
+    run of one step in a separate process (other third-party FMUs are left out); patience: limit for
+    one call into such an FMU [s].
     """
     for system in _alone_once(systems, third_party):
         try:

@@ -66,7 +66,7 @@ class Outcome:
 
     file: its results file, a partial file if the run ended early, None if there are no results;
     failure: one line with the reason of an early end, "" if the run is complete; pace: computing
-    time per macro step in the fastest tenth of a second of the run [us].
+    time per macro step in the fastest part of the run [us], NaN if the run is not complete.
     """
 
     file: Path | None
@@ -228,7 +228,7 @@ def compare(  # noqa: PLR0913 - options of a comparison
     """Run all variants in parallel and compute their metrics; write the results of each run to
     `directory` as LABEL.nc, and the table to comparison.csv.
 
-    every: record every N-th macro step (default: such that a run has at most 20 000 rows);
+    every: record every N-th macro step (default: at most 20 000 rows after the first);
     patience: limit for one call into a third-party FMU [s]; progress: called with the number of
     completed runs; executor: as for run(). Raises the errors of the checks before the first run,
     and ResultsError. If a run fails in its initialization or later, the other runs continue.
@@ -265,7 +265,8 @@ def compare(  # noqa: PLR0913 - options of a comparison
 def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence[Variant], str]:
     """Return the variants with the parameter set that the system declares for comparisons, and a
     line that states this parameter set. If a variant has a parameter set of its own (`--params`),
-    return the variants unchanged, and a line that states their parameter sets.
+    return the variants unchanged, and a line that states their parameter sets; if the system
+    declares none, return the variants unchanged and "".
     """
     with load(system) as found:
         sets = {s.name: s for s in found.sets}
@@ -324,7 +325,8 @@ def _as_given(variant: Variant, text: str) -> str:
 
 def _thinning(steps: int) -> int:
     """Return the number of macro steps per row with which a run of `steps` macro steps has at most
-    ROWS rows after the first; if possible a divisor of `steps`, so that rows are equally spaced.
+    ROWS rows after the first: the smallest divisor of `steps` that is less than twice the smallest
+    such number, so that rows are equally spaced, or else that smallest number.
     """
     least = math.ceil(steps / ROWS)
     return next((n for n in range(least, 2 * least) if steps % n == 0), least)

@@ -56,7 +56,7 @@ CRASH = "the process of this run was killed from outside, or crashed inside an F
 LOOK_SECONDS = 1.0
 """Time between two checks for processes that are stopped (SIGSTOP) [s]."""
 GRACE_SECONDS = 5.0
-"""Time that a process has to end by itself after Ctrl-C, before it is killed [s]."""
+"""Time that a terminated process (SIGTERM) has to end, before it is killed [s]."""
 
 Ready = Callable[[], AbstractContextManager[object]]
 """Function that returns a context manager; a worker performs its tasks inside this context."""
@@ -251,7 +251,7 @@ def _outcome(work: Callable[..., Any], given: Any) -> tuple[Any, BaseException |
 
 def prepare(*modules: str) -> None:
     """Start the fork server, which imports these modules for all workers; return at once, before
-    the imports are complete.
+    the imports are complete. Do nothing on a system without fork server.
     """
     if METHOD != "forkserver":
         return

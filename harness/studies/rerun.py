@@ -92,12 +92,11 @@ def agreement(model: Result, result: Result, changed: bool = False) -> tuple[boo
     """Return whether a repeated run has the same bits as the original run, and a line that states
     the outcome.
 
-    model: original result; changed: whether the user changed the run. If so, and the provenance of
-    the two results differs, the bits are not compared and the first value is true.
+    model: original result; changed: whether the user changed the run. If the provenance of the two
+    results differs, the bits are not compared, and the first value is `changed`.
     """
     if names := differences(result.provenance, model.provenance):
-        state = "not compared" if changed else "differ"
-        return changed, f"bits {state}: the runs differ in {', '.join(names)}"
+        return changed, f"bits not compared: the runs differ in {', '.join(names)}"
     if wrong := next(_differing(model, result), None):
         return False, f"the bits differ{wrong}"
     return True, f"the bits agree: {len(model.time)} rows of {len(model.columns)} values"
@@ -106,7 +105,8 @@ def agreement(model: Result, result: Result, changed: bool = False) -> tuple[boo
 def _differing(model: Result, result: Result) -> Iterator[str]:
     """Yield a text for every difference of a repeated run from its original, `model`: in the
     parameters, the times, and the first value that differs; or only one text if the number of rows
-    differs or a variable of the original is missing.
+    differs or a variable of the original is missing. The run may have more rows than an original
+    that is not complete.
     """
     rows = len(model.time)
     if len(result.time) != rows and (model.complete or len(result.time) < rows):

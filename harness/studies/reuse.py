@@ -188,7 +188,8 @@ class ReusedSimulation:
         """Return the result of one run; raise the errors of `harness.run`.
 
         every: macro steps per row; patience: limit for one call into a third-party FMU [s]; needed:
-        variables to record (None: all). Executor `fused` without third-party FMUs gives a Reading.
+        variables to record (None: all). Only executor `fused` without third-party FMUs omits other
+        variables; it gives a Reading.
         """
         return with_second_try(lambda: self._run(changes, every, patience, needed), self._reopen)
 
@@ -261,8 +262,8 @@ class ReusedSimulation:
 
     @property
     def width(self) -> int:
-        """Return the number of runs that together() can make at once; 1 if the library of lanes is
-        missing or slower than single runs.
+        """Return the number of runs that together() can make at once; 1 before the first run, and
+        if the library of lanes is missing or slower than single runs.
         """
         compiled = None if self._in_lanes > self._alone else self._lanes()
         if compiled is None or self._simulation is None:

@@ -41,7 +41,8 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
 
     fixed: changes common to all variants; varied: pairs of option and text, e.g. ("params", "A,B"),
     ("swap", "component=FMU1,FMU2"), ("latency", "component=0,1"), ("set", "component.name=1,2") or
-    ("set", "component.name=first:last:step"). Raises UsageError if there is nothing to compare.
+    ("set", "component.name=first:last:step"). Raises UsageError for a wrong option or value, for
+    too many runs, and if there is nothing to compare.
     """
     factors = [_factor(option, text) for option, text in varied]
     for name, times in Counter(f.name for f in factors).items():
@@ -90,8 +91,10 @@ def _given(factor: str) -> str:
 
 
 def _range(text: str, place: str) -> Sequence[str]:
-    """Return the numbers of a range `first:last:step`, both ends included, as texts; for any other
-    text, return this text as the only value. place: option and text for an error message.
+    """Return the numbers of a range `first:last:step`, both ends included, as texts; for a text
+    that is no range, return this text as the only value. A text with two colons, or with numbers
+    between its colons, counts as a range; raise UsageError if it is wrong. place: option and text
+    for an error message.
     """
     parts = text.split(":")
     if len(parts) != 3 and (len(parts) == 1 or not all(map(is_number, parts))):

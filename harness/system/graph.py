@@ -2,8 +2,8 @@
 """Graph of a system: the bus, with one slot per scalar output, and the components that read and
 write its slots.
 
-The bus carries numbers (Real, Integer, Boolean, Enumeration). String outputs have no slot. All
-problems are reported at once.
+The bus carries numbers (Real, Integer, Boolean, Enumeration). String and Binary outputs have no
+slot. All problems are reported at once.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def columns(slots: Sequence[Slot]) -> tuple[Texts, Texts, Texts, Texts]:
 
 class Wire(NamedTuple):
     """Input or output of a component with the slot of the bus from which the input is read or to
-    which the output is written. change: conversion of the unit of an input.
+    which the output is written. change: conversion of the value of an input.
     """
 
     variable: Variable
@@ -105,10 +105,11 @@ class Graph:
 def build_graph(system: System) -> Graph:
     """Check a system against its FMUs and assign slots of the bus.
 
-    Raises FmuError if an FMU cannot be read, else StructureError with every problem: components or
-    variables that do not exist (with close matches), wrong causality, unequal types, units that
-    cannot be converted, inputs with several connections, unknown or ill-typed parameters, schedule;
-    of a `strict` system also unequal units and required inputs without connection and value.
+    Raises FmuError if an FMU cannot be read, else StructureError with every problem, e.g.
+    components or variables that do not exist (with close matches), wrong causality, unequal types,
+    units that cannot be converted, inputs with several connections, unknown or ill-typed
+    parameters, schedule; of a `strict` system also unequal units and required inputs without
+    connection and value.
     """
     interfaces = read_interfaces(system)
     if found := [*problems(system, interfaces), *size_problems(system, interfaces)]:
@@ -229,8 +230,8 @@ def _adapted(node: Node, component: Component) -> Node:
 
 
 def read_interfaces(system: System) -> dict[str, Interface]:
-    """Return the interface of every component by name; raise FmuError with a line per FMU that
-    cannot be read.
+    """Return the interface of every component by name; raise FmuError with a line per problem of
+    the FMUs that cannot be read.
     """
     interfaces, unreadable = readable_interfaces(system)
     if unreadable:
@@ -239,8 +240,8 @@ def read_interfaces(system: System) -> dict[str, Interface]:
 
 
 def readable_interfaces(system: System) -> tuple[dict[str, Interface], list[str]]:
-    """Return the interfaces of components whose FMU can be read, by name of the component, and an
-    error message per FMU that cannot be read.
+    """Return the interfaces of components whose FMU can be read, by name of the component, and a
+    line per problem of the FMUs that cannot be read.
     """
     interfaces, unreadable = {}, []
     for component in system.components:

@@ -59,8 +59,8 @@ MODES = "Annotations/Tool/Modes|Annotations/Annotation/Modes"
 class Interface:
     """Interface of an FMU. variables: by name, in the order of the file; units: definitions of
     units by name; model: model description as an object of FMPy; warnings: deviations from the
-    standard, one line each; size: size of the unpacked FMU [bytes]; left_out: a line, with the
-    reason, per variable that no system can use.
+    standard, one line each, and the lines of left_out; size: size of the unpacked FMU [bytes];
+    left_out: a line, with the reason, per variable that no system can use.
     """
 
     path: Path

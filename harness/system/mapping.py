@@ -37,8 +37,9 @@ _ROUND = re.compile(r"(.+)\((\d{1,4}(?: *, *\d{1,4})*)\)", re.ASCII | re.DOTALL)
 
 
 def families(names: Collection[str]) -> Mapping[str, Family]:
-    """Return the vectors, matrices and scalars that scalar variables form, by name. A variable that
-    is not part of a complete vector counts as a scalar.
+    """Return the vectors, matrices and scalars that scalar variables form, by name. A variable
+    counts as a scalar unless it is part of a complete vector or matrix whose indices all begin at 0
+    or all at 1.
     """
     return _families(tuple(names))
 

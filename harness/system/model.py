@@ -135,10 +135,10 @@ class Swap(NamedTuple):
 class Origin:
     """Source of a system and the changes made to it.
 
-    source, sha256: name or path of the source as given, and hash of an .ssp; params, params_sha256:
-    parameter set or file, and hash of a file; set: values by `component.variable`; swaps: FMUs that
-    replaced the FMU of a component; maps: name in the system by name of the port in the new FMU;
-    on: processor by component; latency: macro steps by component.
+    source, sha256: name or path of the source as given, and hash of its file; params,
+    params_sha256: parameter set or file, and hash of a file; set: values by `component.variable`;
+    swaps: FMUs that replaced the FMU of a component; maps: name in the system by name of the port
+    in the new FMU; on: processor by component; latency: macro steps by component.
     """
 
     source: str = ""

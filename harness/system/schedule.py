@@ -38,8 +38,8 @@ class Verb(Enum):
     GET = "get"
 
     def call(self, fmi: int = 2) -> str:
-        """Return the name of the FMI function that performs this action; fmi: version of FMI, 2 or
-        3.
+        """Return the name of the FMI function that performs this action, for SET and GET the
+        function of type Real; fmi: version of FMI, 2 or 3.
         """
         real = "Real" if fmi == 2 else "Float64"
         done = {"set": f"Set{real}", "step": "DoStep", "get": f"Get{real}"}[self.value]
@@ -148,8 +148,8 @@ def schedule(algorithm: str, instances: Sequence[Scheduled]) -> list[Action[Sche
 def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
     """Return the number of macro steps of an experiment in which every component takes whole steps.
 
-    periods: `every` of the components. Raises StructureError if step or stop time is missing, or if
-    the time span is not a multiple of the steps of all components.
+    periods: `every` of the components. Raises StructureError if step or stop time is missing or
+    invalid, or if the time span is not a multiple of the steps of all components.
     """
     start, stop, step = experiment.start, experiment.stop, experiment.step
     cycle = math.lcm(*periods)
@@ -164,8 +164,9 @@ def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
 
 
 def _time_problem(start: float, stop: float | None, step: float | None, cycle: int) -> str | None:
-    """Return why a time span cannot be divided into macro steps, None if it can; cycle: number of
-    macro steps after which all components begin a step together.
+    """Return why stop time or macro step is missing or invalid, None if both are valid, even if the
+    time span is no multiple of the steps; cycle: number of macro steps after which all components
+    begin a step together.
     """
     if step is None and stop is None:
         return "the system defines neither macro step nor stop time: set both with --step, --stop"

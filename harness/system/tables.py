@@ -49,7 +49,7 @@ LONGEST = 16 * 1024**2
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file; raise StructureError if it is invalid, UsageError if it
-    does not exist.
+    cannot be read or is longer than LONGEST.
     """
     try:
         table = tomllib.loads(contents(path, LONGEST).decode())

@@ -36,7 +36,7 @@ def unsafe(result: Result) -> bool:
 
 def box(result: Result) -> tuple[float, ...]:
     """Return the least distance to the box |x|, |y| <= 0.2 m about the target [m], negative inside,
-    and the time from which there is no thrust: abort or end of the run [min].
+    and the time from which there is no thrust: abort, at the latest STOP [min].
     """
     return _least(result, 0), min(abort_time(result), STOP) / 60
 
@@ -121,7 +121,7 @@ TITLE = (
 
 def outside_start_box(result: Result) -> Iterator[str]:
     """Yield a text if a run starts outside the start box of the benchmark: x from -925 to -875 m, y
-    from -425 to -375 m, in Hill axes.
+    from -425 to -375 m, z = 0, in Hill axes.
     """
     off = np.abs(parameter(result, "servicer.rho_0_H") - (-900, -400, 0)) - (25, 25, 0)
     if (distance := float(np.max(off))) > 0:

@@ -45,7 +45,7 @@ KNOWN = (*ARM, *DOCKING, *POSES, *GOALS)
 POINTS = {"stand": "the point at arm_guidance.standoff", "seat": "the seat in the fixture"}
 """Goals of the grapple in texts, by the names of Plan.histories."""
 INSTANTS = 60
-"""Number of instants at which the plan evaluates the position of the fixture."""
+"""Largest number of instants at which the plan evaluates the position of the fixture."""
 LINE = np.arange(-1.2, 1.2001, 0.05)
 """Positions along the axis of the fixture at which the plan computes whether the arm reaches them:
 0 at the seat, positive into the target [m].

@@ -43,9 +43,9 @@ class Reach(NamedTuple):
     """Reach of an arm with n joints, one row per place for its end effector E.
 
     angle: joint angles (rows, n) [rad]; error: larger one of the errors of position [m] and
-    attitude [rad] (rows,); singular: singular values of J_m, the Jacobian of E (rows, 6); worst:
-    direction of the velocity of E that needs the largest joint rates, unit vectors in base axes
-    (rows, 3).
+    attitude [rad] (rows,); singular: singular values of J_m, the Jacobian of E (rows, min(6, n));
+    worst: direction of the velocity of E that needs the largest joint rates, unit vectors in base
+    axes (rows, 3).
     """
 
     angle: Array
@@ -60,13 +60,15 @@ class Reach(NamedTuple):
 
     @property
     def manipulability(self) -> Array:
-        """Return the manipulability sqrt det J_m J_m^T (rows,), with the Jacobian J_m of E."""
+        """Return the product of the singular values (rows,): for at least 6 joints the
+        manipulability sqrt det J_m J_m^T, with the Jacobian J_m of E.
+        """
         return np.asarray(np.prod(self.singular, axis=1))
 
 
 def shortest_arc(x: Array, to: Array) -> Array:
     """Return the matrices (rows, 3, 3) of the rotations by the smallest angle that turn the unit
-    vector x (3,) into each of the unit vectors `to` (rows, 3).
+    vector x (3,) into each of the unit vectors `to` (rows, 3); the identity for `to` = -x.
     """
     axis, c = np.cross(x, to), to @ x
     across = np.cross(axis[:, None], np.eye(3)).transpose(0, 2, 1)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Convex problem of the tracking with prescribed performance, whose optimum is the least impulse.
 
-From the instant of arrival() on, the servicer must stay within BAND of the hovering point. The
-closing speed must obey the speed law of the monitor at all times.
+From the instant of arrival() on, the servicer must stay within BAND of the hovering point. After
+the start it must be at least LEAST from the target and obey the speed law of the monitor, in both
+directions along the line of sight.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ after the start [m], as in the requirements of system.toml.
 
 
 def arrival(result: Result) -> float:
-    """Return the instant from which the run stays within BAND of the hovering point [s]."""
+    """Return the instant from which the run stays within BAND of the hovering point [s], the last
+    one if it ends outside.
+    """
     hover = float(result.parameter(HOVER))
     axis = bounds.target_axis(result, result.time, np.asarray(result.parameter(AXIS)))
     rho = result[bounds.BODIES[4]] - result[bounds.BODIES[0]]

@@ -105,7 +105,7 @@ def overshoot(result: Result) -> tuple[float, ...]:
 
 def barrier(result: Result) -> tuple[float, ...]:
     """Return the largest barrier variable kappa of the controller, which must stay below 1, and the
-    largest |theta|, the ratio of a generalised state to its bound, each of position and attitude.
+    largest |theta|, the ratio of a generalised state to its bound; both over position and attitude.
     """
     kappa = max(result[name].max() for name in FUNNEL[:2])
     return kappa, max(np.abs(result[name]).max() for name in FUNNEL[2:])

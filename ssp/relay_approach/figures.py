@@ -20,8 +20,8 @@ PURSUIT = ("guidance.q_DS",)
 HOLD = "guidance.zeta1"
 """Parameter with the range at which the servicer must stay [m]."""
 IN_ORBIT = 1e6
-"""Distance of the target from the origin of N [m] above which it is in orbit, so that paths are
-drawn relative to the target.
+"""Largest coordinate of the target in N [m] above which it is in orbit, so that paths are drawn
+relative to the target.
 """
 WINDOW = 5.0
 """Ratio of the largest drawn value on an axis of a phase plane to the value at which the outer
@@ -111,7 +111,8 @@ ROTATION = tuple(f"controller.{name}" for name in ("Kp_w", "Kd_w", "xi1", "xi2")
 
 def _phase_planes(canvas: Axes, result: Result) -> None:
     """Draw phase planes of the speed error and of the rate errors e: derivative e' over e, with the
-    lines Kp e + Kd e' = const at which the relays switch.
+    lines Kp e + Kd e' = const at which the relays switch. Rows in which no translation is permitted
+    have sigma_v = 0, so their points are on the line Kp e + Kd e' = 0 for any e'.
     """
     Kp, Kd, off, on = (result.parameter(name) for name in TRANSLATION)
     error, sigma = result["controller.e_v"], result["controller.sigma_v"]

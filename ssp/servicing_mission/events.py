@@ -32,8 +32,8 @@ mission has reached; without such a phase the mission is under way.
 
 
 class Stay(NamedTuple):
-    """Time span in which a mission remains in one phase: begin and end [s], row of the result at
-    the begin, and the reason for which the previous phase ended.
+    """Time span in which a mission remains in one phase: begin and end [s], the reason for which
+    the previous phase ended ("": end condition or failed attempt), and the first row in the phase.
     """
 
     phase: str
@@ -125,8 +125,8 @@ def captures(result: Result) -> Iterator[tuple[float, str]]:
 
 
 def events(result: Result) -> list[tuple[float, str]]:
-    """Return times [s] and texts of all phases, contacts and changes of the latch, in the order of
-    time.
+    """Return times [s] and texts of all phases, the first contact and changes of the latch, in the
+    order of time.
     """
     far, used = range_(result), increments(result)
     phases = [

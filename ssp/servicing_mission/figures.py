@@ -84,8 +84,9 @@ def _corridor(canvas: Axes, result: Result) -> None:
 
 def _escapes(canvas: Axes, result: Result) -> None:
     """Draw the path before the fly-around in the plane of the orbit, the circle with the radius
-    escape_radius, and, for an abort at each of FANS positions of the path, the tube that contains
-    the drifts for all errors within their bounds, and DRAWN drifts with drawn errors.
+    escape_radius, and, for an abort at each of FANS positions of the path, DRAWN drifts with drawn
+    errors and circles about the drift without errors. The radius of a circle is the largest
+    displacement towards the target by errors within their bounds, not in every direction.
     """
     axes = canvas.add_subplot()
     rho, drho, rate = escapes.hill_states(result)

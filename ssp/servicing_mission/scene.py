@@ -27,7 +27,7 @@ ALARMS = ("back-off", "retreat", "safe", "aborted")
 
 def _events(result: Result) -> list[dict[str, object]]:
     """Return the events of the replay: the phases, each with the reason why the previous phase
-    ended, then contacts and changes of the latch.
+    ended, then the first contact and changes of the latch.
     """
     begun = [
         event(
@@ -42,7 +42,7 @@ def _events(result: Result) -> list[dict[str, object]]:
 
 def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
     """Return the parts and values that the replay adds to an approach: probe and drogue or the arm,
-    phase, latch, contact force, events; None for a result of another mission.
+    phase, latch, force on the probe, events; None for a result of another mission.
 
     rows: instants of the replay; arrays: arrays of the page, to which time series are added.
     """
@@ -60,7 +60,7 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
         floor(result),
         numbers=(
             number(result, arrays, rows, CAPTURE, result.mode_names(CAPTURE), "latch"),
-            number(result, arrays, rows, LOAD, text="contact force"),
+            number(result, arrays, rows, LOAD, text="force on the probe"),
         ),
         events=tuple(captured),
         phases=phases,

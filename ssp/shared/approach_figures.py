@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Figures of every approach, with any guidance and controller, and figures of the estimates by
-adaptive control. Some are the counterparts of figures 5 to 11 of Zhu & Yang 2009.
+adaptive control. Some are the counterparts of figures 5, 6 and 8 to 11 of Zhu & Yang 2009.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _firing_chart(canvas: Axes, result: Result) -> None:
 
 def _engine(result: Result, i: int) -> str:
     """Return the label of the thruster with index i: its name in Kozlova & Fomichev 2023, or in
-    other systems its number and the direction of its force.
+    other systems its number and, if its force is along a body axis, the direction of the force.
     """
     if PURSUIT in result:
         return ENGINES[i] if i < len(ENGINES) else str(i + 1)

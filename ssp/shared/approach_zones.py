@@ -114,7 +114,7 @@ def _state(result: Result, rule: Rule, rows: Rows, arrays: Arrays) -> str:
     """Store an array with the state of a rule at the instants of the replay, and return the name of
     the array. Each element is the worst state (VIOLATED, else HOLDS, else 0) from its instant until
     before the next. Once the rule escape is violated, it counts as violated wherever its margin is
-    below escape_reserve.
+    below the larger element of escape_reserve.
     """
     name = rule.history
     bad = f"({name} < 0)"

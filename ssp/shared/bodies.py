@@ -9,7 +9,7 @@ its mass m and its moments of inertia J:
 
 The hull of a servicer or target has HULL times these edges, and symbolic solar panels at the hull
 represent the rest of the inertia. Parts are dictionaries that the page draws: `kind`, `at` (centre,
-body axes) and sizes [m].
+body axes; rods and cups have the ends `from` and `to` instead) and sizes [m].
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def panels(area: Array, position: Array, normal: Array) -> Iterator[Part]:
 
 
 def shifted(parts: list[Part], by: Array) -> list[Part]:
-    """Return the parts, each moved by a vector [m]."""
+    """Return parts that have the entry `at`, each moved by a vector [m]."""
     return [part | {"at": _plain(np.add(part["at"], by))} for part in parts]
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of approaches in line-of-sight coordinates: counterparts of figures 2 to 6 of Yin et al.
-2017, and the funnels of prescribed performance control.
+"""Figures of approaches in line-of-sight coordinates: counterparts of figures 2 and 4 to 6 of Yin
+et al. 2017 (figure 3 is `range` in approach_figures.py), and the funnels of prescribed performance
+control.
 """
 
 from __future__ import annotations

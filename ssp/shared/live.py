@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Expressions from which a live page computes the metrics of an approach, for the runs that it
-simulates in the browser. Every function here returns such an expression as text.
+simulates in the browser. The functions return such expressions as text.
 
 ssp/shared/relative_motion.py and metrics.py compute the same quantities from the rows of a result.
 """

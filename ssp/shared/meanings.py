@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Meanings of the metrics of all missions, a sentence each, for readers of a page."""
+"""Meanings of metrics of the missions, a sentence each, for readers of a page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MEANINGS = {
     "torque impulse": "Integral of thruster and wheel torques once the attitude is free to turn.",
     "peak force": "Largest force of the actuators.",
     "peak torque": "Largest torque of thrusters and wheels once the attitude is free to turn.",
-    "saturated": "Share of the rows in which an actuator is at a limit.",
+    "saturated": "Share of the rows in which an actuator, allocation or controller is at a limit.",
     "force at limit": "Share of the run in which the force is at its limit.",
     "torque at limit": "Share of the run in which the torque is at its limit.",
     "thrusters at limit": "Share of the run in which thrusters cannot give the commanded wrench.",
@@ -54,7 +54,7 @@ MEANINGS = {
     "collided": "1 if the bodies touched anywhere but in the drogue, otherwise 0.",
     "under way": "1 if the mission had not ended, otherwise 0.",
 }
-"""Meaning of each metric by its name."""
+"""Meanings of metrics by their names; not every metric has one."""
 
 
 def explained(metrics: Iterable[Metric]) -> tuple[Metric, ...]:

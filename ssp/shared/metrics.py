@@ -177,8 +177,9 @@ def _wheel_torque_steps(result: Result) -> Array:
 
 
 def _torque_impulse(result: Result, _: Limits) -> float:
-    """Return the integral of the torque of thrusters and wheels on the body of the servicer from
-    release_time() on, summed over the axes [N m s]. Before, the plant does not turn the servicer.
+    """Return the integral of the absolute torque of the thrusters, and of the wheels, on the
+    body of the servicer from release_time() on, summed over the axes [N m s]. Before, the plant
+    does not turn the servicer.
 
     The propulsion publishes the integral for thrusters; without that output it is computed from the
     recorded torques. The integral for wheels is computed from the recorded wheel speeds.

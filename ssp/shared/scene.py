@@ -21,7 +21,9 @@ from .relative_motion import rotation_angle
 
 Scene = dict[str, Any]
 Part = dict[str, Any]
-"""Shape that the page draws: `kind` (box, panel, ...), `at` (centre in body axes) and sizes [m]."""
+"""Shape that the page draws: `kind` (box, panel, ...), `at` (centre in body axes; rod, cup: ends
+`from` and `to`) and sizes [m].
+"""
 
 LEAST, MOST = 600, 3000
 """Smallest and largest number of instants of a replay."""

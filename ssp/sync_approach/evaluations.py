@@ -2,8 +2,8 @@
 """Evaluations of the synchronised approach for the claims of Zhu & Yang 2009.
 
 The evaluation of a claim returns first the value that decides on the verdict, then further values
-that the report shows. Data that the result lacks are taken from the paper: the times of its
-simulation and its true inertias.
+that the report shows. The times of the simulation and the true inertias are taken from the paper,
+not from the run.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of the synchronised approach: counterparts of figures 4 to 11 of Zhu & Yang 2009."""
+"""Figures of the synchronised approach: counterparts of figures 4 and 7 of Zhu & Yang 2009; the
+others are in ssp/shared/approach_figures.py.
+"""
 
 from __future__ import annotations
 

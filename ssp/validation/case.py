@@ -23,8 +23,8 @@ class Case:
 
     id: name of the case; tests: the property of the FMU that the case tests; source: name, place in
     the publication and licence of the values; fmu: the simulated FMU; rows: for each compared
-    instant, the time `t` [s] and the expected values by output; tolerance, units: largest permitted
-    difference and unit of each output; why: reason for the tolerance; wrong: deliberately wrong
+    instant, the time `t` [s] and the expected values by quantity; tolerance, units: largest allowed
+    difference and unit per quantity; why: reason for the tolerance; wrong: deliberately wrong
     models, each with a description `what` and the `change` of the setup that makes the model wrong;
     setup: all other entries, for the function that simulates the case.
     """

@@ -381,7 +381,7 @@ def test_phases_and_events_run_along_with_a_mission(capsys, tmp_path):
     latch, force = scene["numbers"]
     assert [phase["text"] for phase in scene["phases"]] == ["far", "safe"]
     assert latch["words"][int(page.array(latch["values"])[0])] == "free"
-    assert (force["name"], force["unit"]) == ("contact force", "N")
+    assert (force["name"], force["unit"]) == ("force on the probe", "N")
     stated = [(e["time"], e["text"], e["kind"]) for e in scene["events"]]
     assert stated[0] == (0, "far", "phase")
     assert (simulated.time[100], "safe (ground)", "abort") in stated

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables of runs in the pages of the missions, one module per page.
+"""Tables and values of runs that pages quote, a module per mission or topic.
 
 A row is a run, given by the text after `harness run` on the command line. A column is a metric of
 `harness compare`, an expression over the results or a function of a result. VALUES of each module
-has the functions that return a table as text, by the name under which pages quote the table.
+has the functions that return a table or a value as text, by the name under which pages quote it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables of the capture by the arm: runs with each parameter set, on truth and on estimates; effect
-of the compensation on the base; reach of the arm.
+"""Tables of the capture by the arm: runs with several parameter sets, on truth and on estimates;
+effect of the compensation on the base; reach of the arm.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CAPTURE = [
 
 
 def by_set(system: str) -> str:
-    """Return a table of the runs of a system with each parameter set."""
+    """Return a table of the runs of a system with each parameter set in SETS."""
     return of_runs("set", {f"`{s}`": f"{system} --params {s}" for s in SETS}, CAPTURE)
 
 

@@ -62,7 +62,7 @@ def controllers() -> str:
             *WORK,
             Column("delta-v [m/s]", "delta-v", "{:.1f}"),
             Column("least range [m]", _least_range, "{:.3f}"),
-            Column("least barrier of the sphere [m]", "keep-out barrier", "{:.2f}"),
+            Column("least gap to the sphere after braking [m]", "keep-out barrier", "{:.2f}"),
         ],
     )
 
@@ -77,8 +77,8 @@ def aiming() -> str:
         runs,
         [
             Column("least range [m]", _least_range, "{:.3f}"),
-            Column("least barrier of the sphere [m]", "keep-out barrier", "{:.3f}"),
-            Column("least barrier of the speed limit [m/s]", "speed barrier", "{:.4f}"),
+            Column("least gap to the sphere after braking [m]", "keep-out barrier", "{:.3f}"),
+            Column("least margin of the speed limit [m/s]", "speed barrier", "{:.4f}"),
             *WORK,
             Column("impulse [N s]", _impulse, "{:.0f}"),
             Column("at the sphere after [s]", _arrival, "{:.0f}"),

@@ -42,7 +42,7 @@ def tracking(result: Any) -> float:
 
 
 def sets() -> str:
-    """Return a table of the parameter sets of the synchronised approach on estimates."""
+    """Return a table with a row for a run on truth, then one per parameter set in SETS."""
     given = " ".join(f"--set {value}" for value in of_the_tests("navigated_case").TRUTH_FED)
     runs = {"on truth": f"sync_approach --params robust {given}"}
     runs |= {f"`{s}`{what}": f"sync_approach_navigated --params {s}" for s, what in SETS.items()}

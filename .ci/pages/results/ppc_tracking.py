@@ -88,8 +88,9 @@ def by_bound() -> str:
 
 
 def settles(error: str) -> Any:
-    """Return a function that takes a result and returns the time [s] from which an error stays
-    within 2 % of its largest value; error: `position` or `attitude`.
+    """Return a function that takes a result and returns how long an error takes to stay within 2 %
+    of its largest value [s]; error: `position`, from t = 0 on, or `attitude`, from the time on at
+    which torques begin to turn the servicer.
     """
     from harness.results.expressions import settling_time
     from ssp.shared import relative_motion as motion

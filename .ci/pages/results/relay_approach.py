@@ -24,7 +24,9 @@ THRUSTERS = {
 
 
 def runs(latency: int = 0) -> dict[str, str]:
-    """Return commands of runs by parameter set; latency: of the controller, in macro steps."""
+    """Return commands of runs by name of the set in SETS; latency: of the controller, in macro
+    steps.
+    """
     late = f" --latency controller={latency}" if latency else ""
     return {name: f"relay_approach --params {name} --every 10{late}" for name in SETS}
 
@@ -73,7 +75,7 @@ def impulses(result: Any) -> tuple[float, float]:
 
 
 def by_set() -> str:
-    """Return a table with a column per parameter set."""
+    """Return a table with a column per parameter set in SETS."""
     return of_runs("set", runs(), [
         Column("50 m reached [s]", arrived, "{:.0f}"),
         Column("range from 1000 s after that [m]", held, "{:.2f} to {:.2f}"),
@@ -84,8 +86,8 @@ def by_set() -> str:
 
 
 def by_latency() -> str:
-    """Return a table of the velocity increments of each parameter set, without latency and with a
-    latency of the controller of one macro step.
+    """Return a table of the velocity increments of each parameter set in SETS, without latency and
+    with a latency of the controller of one macro step.
     """
     shown = Column("", "delta-v", "{:.4g}")
     cells = [[cell(shown, result_of(c)) for c in runs(late).values()] for late in (0, 1)]

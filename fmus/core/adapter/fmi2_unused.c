@@ -1,4 +1,4 @@
-/* fmi2_unused.c - functions of the FMI 2.0 co-simulation interface that these FMUs do not support.
+/* fmi2_unused.c - functions of FMI 2.0 that these FMUs do not support, and the status functions.
  *
  * The reasons: all variables are Real; inputs are held over a step (no input derivatives); a step
  * is complete when fmi2DoStep returns; there is no model exchange. */

@@ -42,7 +42,7 @@ typedef struct {
     const char *name;
     size_t offset;  /* bytes from the start of Model to the first element */
     size_t size;    /* elements */
-    size_t columns; /* 3 for a matrix, else 1 */
+    size_t columns; /* columns of a matrix, else 1 */
     const char *unit;
     const char *text;
     Rule rule;

@@ -47,8 +47,8 @@ static inline const char *element_name(char buffer[NAME_SIZE], Scalar s)
     return buffer;
 }
 
-/* rule that a value must satisfy when it is set; parameters are checked at the end of
- * initialization instead */
+/* rule that a value must satisfy when it is set; parameters are checked before the first outputs
+ * are evaluated instead */
 static inline Rule rule_when_set(Scalar s)
 {
     return s.row->causality == INPUT_ROW ? s.row->rule : ANY_VALUE;

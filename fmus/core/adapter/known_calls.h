@@ -1,5 +1,5 @@
-/* known_calls.h - cache of calls: the value references of a call are resolved once per distinct
- * call.
+/* known_calls.h - cache of calls: the value references of a call are not resolved again if one of
+ * the last calls had the same.
  *
  * A master reads and writes the same variables at every step. The references of its last calls are
  * stored with the runs of consecutive doubles that they name. A call is known if it has the same

@@ -99,9 +99,9 @@ static inline void set_span(Instance *instance, double start, bool stop_defined,
     instance->now.stop = stop_defined ? stop : INFINITY;
 }
 
-/* evaluates the outputs for the values set so far in initialization mode; called when outputs
- * are read, so that masters can propagate start values. False: the model rejects these values or
- * their outputs */
+/* evaluates the outputs for the values set so far in initialization mode; called at the end of this
+ * mode, and when outputs are read, so that masters can propagate start values. False: the model
+ * rejects these values or their outputs */
 static inline bool update_outputs(Instance *instance, const char *function)
 {
     if (!instance->now.stale) return true;

@@ -1,7 +1,7 @@
 /* rules.h - rules of the rows of a model: bounds, texts of messages, and checks whether inputs
  * and results satisfy the rules.
  *
- * The adapter of FMI, a fused system and the C interface without FMI reject values by these
+ * The adapter of FMI, a fused system and the C interface without FMI apply the rules by these
  * functions only. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RULES_H

@@ -79,8 +79,9 @@ def build(
     source: Path, output: Path, compiler: list[str], fmi: str, compiled: Path | None = None
 ) -> None:
     """Write the FMU of the C file `source` for FMI `fmi` ("2" or "3") to the path `output`. Raises
-    CalledProcessError if the compiler or the program that prints the description fails (they
-    print the reason), and SharedVariableError if the file has variables that all instances share.
+    CalledProcessError if the compiler, the program that prints the description or package_fmu.py
+    fails (they print the reason), and SharedVariableError if the file has variables that all
+    instances share.
 
     compiled: folder with the compiled files of the adapter (None: compile them).
     """
@@ -113,7 +114,7 @@ def main() -> None:
     parser.add_argument(
         "--cc", type=shlex.split, default=["cc"], help="compiler with its arguments"
     )
-    parser.add_argument("--adapter", type=Path, help="folder with the compiled adapter")
+    parser.add_argument("--adapter", type=Path, help="folder of the compiled adapter")
     a = parser.parse_args()
     if not (a.source or a.adapter):
         parser.error("expected a C file, or --adapter FOLDER to compile the adapter only")

@@ -3,15 +3,17 @@
 
 Usage: c_api.py SPEC.json -o FOLDER [--cc COMMAND] [--flight]
 
-SPEC.json: a list of {"name", "sources": [C files of the unpacked FMU, the file of the model first],
-"tables": [{"label", "text", "values": {element: value}}], "runs": [{"table": label, "text", "step",
-"names": [element], "rows": [[t, value, ...]]}]}. A row contains the time at which a step begins
-[s], then the values of the named elements: inputs in this step, outputs at its end. The first row
-is not a step: it contains the start time, then inputs and outputs after initialization.
+SPEC.json: a list of {"name", "text" (description), "sources": [C files of the unpacked FMU, the
+file of the model first], "tables": [{"label", "text", "values": {element: value}}], "runs":
+[{"table": label, "text", "step", "names": [element], "rows": [[t, value, ...]]}]}. A row contains
+the time at which a step begins [s], then the values of the named elements: inputs in this step,
+outputs at its end. The first row is not a step: it contains the start time, then inputs and outputs
+after initialization.
 
 The C file of the model and its headers are copied unedited. --flight writes only flight software:
-it leaves out models that integrate (parameter `max_step`) or include headers of the physics. The
-names of the written models are printed. Templates are in c_api_text.py.
+it leaves out FMUs without C sources of this project, and models that integrate (parameter
+`max_step`) or include headers of the physics. The names of the written models are printed.
+Templates are in c_api_text.py.
 """
 
 import argparse
@@ -60,7 +62,7 @@ class Member:
             shape = f"[{self.size // columns}][{columns}]"
         elif self.size > 1:
             shape = f"[{self.size}]"
-        about = "not used"
+        about = "belongs to no variable"
         if self.row:
             limits = RANGES.get(RULES[self.row.rule])
             about = f"[{self.row.unit}]{f' {limits};' if limits else ''} {self.row.text}"

@@ -184,8 +184,9 @@ static void print_bounds(const Variable *v, double value)
     if (high < DBL_MAX) print_attribute("max", high);
 }
 
-/* true if a row is sampled: an output of a model with a parameter sample_period, or in a fused
- * system an output of a component with this parameter ("controller.sample_period") */
+/* true if a row is an output and a variable sample_period has the same prefix, which ends with the
+ * last point: none in a model, the component in a fused system ("controller."). An output such as
+ * "los.range" has a longer prefix and does not count as sampled. */
 static bool is_sampled(const Variable *v)
 {
     const char *point = strrchr(v->name, '.');

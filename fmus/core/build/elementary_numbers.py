@@ -22,7 +22,7 @@ TANGENTS = 64
 HEAD = """\
 /* elementary_numbers.h - tables and coefficients of portable_math.h.
  *
- * Computed with 200 bits and written by fmus/core/build/elementary_numbers.py; do not edit. */
+ * Computed with 200 bits or more by fmus/core/build/elementary_numbers.py; do not edit. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ELEMENTARY_NUMBERS_H
 #define ELEMENTARY_NUMBERS_H

@@ -42,7 +42,7 @@ LOOPS = (
     (r"< (before|number|rows->count);", "rows of the safety filter, at most 26"),
     (r"j <=? f(->|\.)count;|j < faces;",
      "points of the predicted drift, at most 33, or faces of the corridor, 9"),
-    (r"failure <= 2 \* MOST_ROWS", "twice the 26 rows of the safety filter"),
+    (r"failure <= 2 \* MOST_ROWS", "twice the 26 rows of the safety filter, plus 1"),
     (r"< joints;|= joints; \w+-- > 0", "joints of the arm, at most 7"),
     (r"pass < ARM_JOINTS && ", "7 joints: every pass fixes one of them"),
     (r"Sample s = first_sample", "samples between two communication points: h/period, rounded up"),
@@ -50,24 +50,24 @@ LOOPS = (
     (r"i < QUADRATURE && ", "16 steps of an integral from node to node"),
     (r"= \d+; \w+ > 0;|= [A-Z_ 1-]+; \w+-- > 0|= NODES - 1; k >= 0", "a constant, downwards"),
     (r"int k = nodes - 1; k >= 0|k < nodes;", "nodes of a path, NODES in flight software"),
-    (r"intervals\((y|shape)\)", "FINE = 4 times the 120 nodes that check() allows"),
+    (r"intervals\((y|shape)\)", "FINE = 4 times the 120 intervals that check() allows, plus 1"),
     (r"< (unknowns|unknown_nodes|nodes);|j <= i;", "three unknowns for each of the 118 free nodes"),
     (r"\w+ = \S.*; \w+ < (n|m|j|k|i|columns|moving|used|count|length|to|m->count|D_AT);"
      r"|= n - 1; \w+ >= 0|= n; \w+-- > 0|k <= n;",
-     "order of a matrix or length of a vector, a constant of every caller"),
+     "order of a matrix or length of a vector, at most a constant of every caller"),
     (r"while \(m\+\+ < k\)", "age of a late measurement, below HISTORY = 16 samples"),
     (r"x->(anchor_)?index < |j = x->anchor_index",
      "samples since the last processed one, or in the ring of 16"),
     (r"double k = 0; k < steps", "duration/max_step of the drift, both parameters"),
     (r"j < steps_of\[part\]", "30 or 50 steps of an escape"),
     (r"exchange < EXCHANGES", "EXCHANGES = 100"),
-    (r"bound <= THRUSTERS", "16 thrusters"),
+    (r"bound <= THRUSTERS", "16 thrusters, plus 1"),
     (r"int cut = 0;;", "CUTS = 100: left at cut == CUTS - 1"),
     (r"parts = 0; x\.s < 1", "MOST_PARTS = 65 536, then at most 42 parts, none of which is halved"),
-    (r"while \(s < 1 && floor_of", "52 doublings of w, a power of two below 1"),
+    (r"while \(s < 1 && floor_of", "40 doublings of w, a power of two not below 2^-41"),
     (r"above_half && i < DIGIT_WORDS|shift > 0 && i < DIGIT_WORDS", "7 words"),
     (r"while \(at < 100", "98 bits"),
-    (r"for \(;; r\.iterations\+\+\)|i <= r\.iterations", "iterations_max, at most 30"),
+    (r"for \(;; r\.iterations\+\+\)|i <= r\.iterations", "iterations_max + 1, at most 31"),
     (r"i < \(int\)task->weight", "weight, a whole number up to 8"),
 )  # fmt: skip
 """Pairs of a regular expression for the head of a loop, and the largest number of passes of such a
@@ -203,8 +203,8 @@ def writable(source: Path) -> list[str]:
 
 # ---- text ----
 def code(path: Path) -> str:
-    """Return a source in which blanks replace comments and string literals, with the same line
-    numbers.
+    """Return a source in which blanks replace comments /* */ and string literals, with the same
+    line numbers.
     """
     blank = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.DOTALL)
     return blank.sub(lambda m: re.sub(r"[^\n]", " ", m[0]), path.read_text())

@@ -73,7 +73,7 @@ def output_of(command: list[Any], fmu: str) -> str:
 def gather(parts: list[dict[str, Any]], folder: Path) -> list[str]:
     """Copy the sources of all FMUs into one folder, and return the C symbol of the model of each
     part (entry of `parts` in SYSTEM.json). Raises NotFusibleError if sources are missing or if two
-    files of the same name differ.
+    files of the same name, models excepted, differ.
     """
     symbols: dict[str, str] = {}
     for part in parts:

@@ -3,8 +3,8 @@
 
 `c ? a : b` and `if (c) return a; rest` become calls that select a or b for each run, since the
 condition c may differ between runs, and `if (c) f(x, y);` becomes a call that performs f for the
-runs in which c holds. Both a and b are computed, so an expression that writes is left as it is: the
-runs must then agree in c.
+runs in which c holds. If the runs differ in c, both a and b are computed, so an expression that
+writes is left as it is: the runs must then agree in c.
 """
 
 import re

@@ -42,8 +42,9 @@ static void print_outputs(const void *model, double t)
     printf("\n");
 }
 
-/* runs the model and prints rows if `print` is set; false: a result violates a rule. Step k is
- * from k h to k h + h, as with a master that counts its steps instead of adding up the time. */
+/* runs the model and prints rows if `print` is set; false: a result violates a rule. Step k
+ * ends at k h + h, where the next step begins, as with a master that counts its steps instead of
+ * adding up the time. */
 static bool run(void *model, bool print)
 {
     if (print) print_outputs(model, 0);

@@ -32,7 +32,9 @@ OPERATORS = {
 }  # fmt: skip
 CLOSING = {"(": ")", "[": "]", "{": "}", "|": "|"}
 WORDS = {*"th of if in is at by to on or as no be an up so".split()}  # noqa: SIM905
-"""Names of two letters that are upright words; other such names are a letter with a subscript."""
+"""Names of two letters that are upright words; other such names are a letter with a subscript, a
+differential such as `dx`, or Greek.
+"""
 
 SLASH = "<mo>/</mo>"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
@@ -232,7 +234,7 @@ class Reader:
 
     def _upright(self, name: str) -> Node:
         """Read the rest of a word or long name and return its node. A subscript of several
-        characters is not lowered: the node shows `rate_max` as it is written.
+        letters is not lowered: the node shows `rate_max` as it is written.
         """
         shown, rest = f"<mi>{name}</mi>", self.line[self.at :]
         subscript = re.match(r"(?:_[A-Za-z0-9]+)+", rest)

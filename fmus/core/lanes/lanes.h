@@ -387,7 +387,7 @@ inline Vector cosine_series(Vector hi, Vector lo)
 }
 
 /* sine and cosine by the operations of reduced() in portable_math.h for all lanes; a lane with |x|
- * above 1e6, near a multiple of pi/2 or not finite is computed alone */
+ * >= 1e6, near a multiple of pi/2 or not finite is computed alone */
 inline SineCosine sine_and_cosine(Vector x)
 {
     const Vector size = fabs(x), rounded = x * TWO_OVER_PI + ROUNDER, n = rounded - ROUNDER;
@@ -602,7 +602,8 @@ template <class T> INLINE auto written(T argument)
 }
 
 /* `if (c) function(arguments);` of a model: performs the function for the lanes in which c is true;
- * `arguments` serve to find what the function writes */
+ * `arguments` serve to find what the function writes. If one is neither NotWritten nor Single, all
+ * lanes must agree in c. */
 template <class C, class F, class... T> INLINE void where(C c, const F &function, T... arguments)
 {
     if constexpr (Answer<C> && ((NotWritten<T> || Single<T>) && ...)) {

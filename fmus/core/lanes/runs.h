@@ -32,7 +32,7 @@ struct Work {
 };
 
 typedef struct {
-    double start, step;              /* s; macro step k begins at start + k step */
+    double start, step;              /* s; macro step k ends at start + k step + step */
     int64_t every, steps;            /* a row after each `every`-th step and after the last */
     int64_t count;                   /* runs, at most WIDTH */
     size_t columns;                  /* recorded outputs */

@@ -11,7 +11,7 @@
 #include "exact.h"
 
 typedef struct {
-    double hi, lo; /* |hi + lo| <= pi/4, |lo| <= a unit in the last place of hi */
+    double hi, lo; /* |hi + lo| <= pi/4, |lo| < 2 units in the last place of hi */
     int quarter;   /* x = hi + lo + quarter pi/2 plus a multiple of 2 pi */
 } Angle;
 

@@ -10,8 +10,8 @@
  * an element of H is the product of a twist and a wrench. H is therefore computed in one inward
  * pass over composite bodies. The block of the base is inverted by mass and inertia about C, the
  * centre of mass of base and arm. E: tip of the arm. Every link frame is parallel to the base at
- * joint angle zero. Sums along the arm run from link to link; all other loops process all links
- * at once (columns.h). Equations: docs/models.md K.1. */
+ * joint angle zero. Sums and products along the arm run from link to link; all other loops process
+ * all links at once (columns.h). Equations: docs/models.md K.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_H
 #define ARM_H

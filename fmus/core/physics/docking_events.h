@@ -15,7 +15,7 @@ typedef struct {
     /* phase; time of the last change_phase(); tip position at soft capture or release; rest attitude,
      * set at soft capture */
     PhaseEntry entry;
-    /* 1 in the latch window; time of entry into the window; largest normal force since this time */
+    /* 1 in the latch window; time of entry into it; largest normal force from the step before on */
     double in_window, t_window, window_force;
     double F_inner; /* largest normal force at the internal steps of the last step */
     double load_force, load_moment; /* sizes of mean force and couple over the last step */

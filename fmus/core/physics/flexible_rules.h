@@ -81,10 +81,10 @@ static inline double substeps(const FlexibleParameters *p, const Vehicle *v)
     return larger(1, ceiling_of(p->base.max_step * highest_mode(v) / 0.3 * (1 - 1e-12)));
 }
 
-/* rejects a hub without positive mass, or with an impossible inertia about its own centre of
- * mass: I_hc = I_h0 - (h.h 1 - h h^T)/m_h with locked wheels, or I_hc - A_w without the wheels;
- * m_h, h, I_h0: mass of the hub, its first moment and its inertia about point S; A_w: matrix from
- * wheel speeds to wheel momentum */
+/* rejects more than 1000 substeps, and a hub without positive mass or with an impossible inertia
+ * about its own centre of mass: I_hc = I_h0 - (h.h 1 - h h^T)/m_h with locked wheels, or I_hc - A_w
+ * without the wheels; m_h, h, I_h0: mass of the hub, its first moment and its inertia about point
+ * S; A_w: matrix from wheel speeds to wheel momentum */
 static inline void check_hub(const FlexibleParameters *p, Problems *problems)
 {
     Vehicle v = vehicle(p);

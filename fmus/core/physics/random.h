@@ -4,8 +4,8 @@
  * change a draw. Block b = 0, 1, .. of Philox4x32-10 (Salmon et al. 2011) gives the uniform draws j
  * = 2b and 2b + 1. The key is (seed, stream), the counter (n mod 2^32, n / 2^32 rounded down, b,
  * s), with s = 0 for draws of a sample and s = 1 for draws made once per run. A normal draw is z =
- * PPND16(u) of a uniform draw u (Wichura 1988, AS 241), computed with sums, products, quotients and
- * roots only; |z| is at most 8.21. Equations: docs/models.md F.1. */
+ * PPND16(u) of a uniform draw u (Wichura 1988, AS 241), computed with sums, products, quotients,
+ * roots and logarithm() of portable_math.h; |z| is at most 8.21. Equations: docs/models.md F.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RANDOM_H
 #define RANDOM_H

@@ -1,5 +1,5 @@
-/* orbit_rows.h - parameters of the start orbit of a body (planet, elements or Cartesian start) and
- * their rules. */
+/* orbit_rows.h - parameters of the planet and of the elements of a start orbit, and their rules,
+ * also with a Cartesian start. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ORBIT_ROWS_H
 #define ORBIT_ROWS_H

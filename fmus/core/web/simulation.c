@@ -43,7 +43,7 @@ static int fail(const char *text)
 PAGE(reserve) void *reserve(size_t bytes);
 void *reserve(size_t bytes) { return malloc(bytes); }
 
-/* error message of the last call */
+/* reason of the last failure since restart; empty if nothing has failed */
 PAGE(message) const char *message(void);
 const char *message(void) { return line; }
 

@@ -233,7 +233,7 @@ const Program = (() => {
   };
   const inEveryRow = (run, value, required) => {
     const truth = value(required.truth), margin = value(required.margin).data, met = truth.data.every((v) => v === 1);
-    if (met && !value(required.exercised).data[0]) return verdict("idle", `the run ends at ${g(run.time.at(-1))} s, before it applies`);
+    if (met && !value(required.exercised).data[0]) return verdict("idle", `it does not apply up to the end at ${g(run.time.at(-1))} s`);
     const gap = firstOf(truth.data, (v) => v !== v), k = gap >= 0 ? Math.floor(gap / truth.m) : argmin(margin);
     const time = required.has_rows ? run.time[k] : null, place = time === null ? "" : ` at ${g(time)} s`;
     if (gap >= 0) return verdict("bad", `not a number${place}`, time, margin[k]);

@@ -106,8 +106,8 @@ def write_beside(result: Result, path: Path) -> None:
 
 
 def _completed(result: Result, path: Path) -> Result:
-    """Return the result of a .csv completed by its NAME.csv.toml, unchanged if that file is missing
-    or belongs to another table.
+    """Return the result of a .csv completed by its NAME.csv.toml, unchanged if that file is
+    missing, unreadable or of another table.
     """
     try:
         about = tomllib.loads(beside(path).read_text(encoding="utf-8"))

@@ -57,10 +57,10 @@ class _Record(NamedTuple):
 class Driver:
     """Driver of one analysis, which performs its runs and writes its dataset.
 
-    path: path of the dataset; completed: number of runs so far; failed: number of failed runs;
-    nominal: margins (requirements,) of run 0, the nominal run; unjudged: by requirement, the number
-    of runs so far whose margin is NaN or +inf, so that they provide no evidence about the
-    requirement.
+    path: path of the dataset; completed: number of runs so far; failed: number of these that
+    failed, without runs from the dataset of a resumed analysis; nominal: margins (requirements,) of
+    run 0, the nominal run; unjudged: by requirement, the number of runs so far whose margin is NaN
+    or +inf, so that they provide no evidence about the requirement.
     """
 
     def __init__(
@@ -151,8 +151,8 @@ class Driver:
             )
 
     def _first(self) -> str:
-        """Return the message of the first failed run, as the end of an error message; "" if no run
-        has failed.
+        """Return a message as the end of an error message: of the first failed run that is not in
+        the dataset yet, else the first one in the dataset; "" if there is none.
         """
         messages = [f.row.message for f in self._waiting if f.row.status == FAILED]
         messages += [m for m in self.store.array("message") if m]

@@ -37,7 +37,7 @@ from harness.studies.reuse import compiling
 LARGEST = 50
 """Largest number of runs per task of a worker."""
 UNUSED = ("record", "sampler", "until", "expected", "success")
-"""Entries in the file of a campaign that analyses ignore."""
+"""Entries in the file of a campaign that analyses ignore, besides `runs`."""
 
 
 class Evaluator:

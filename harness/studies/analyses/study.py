@@ -30,8 +30,7 @@ class Study(Campaign):
         `unjudged`: by requirement, the number of runs whose margin is NaN or +inf; further entries
         depend on the analysis.
         """
-        found: dict[str, Any] = json.loads(self.store.group.attrs["estimate"])
-        return found
+        return dict(json.loads(self.store.group.attrs["estimate"]))
 
     def summary(self) -> str:
         """Return the estimate as text, with the number of failed runs and, by requirement, the

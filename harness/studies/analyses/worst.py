@@ -129,8 +129,7 @@ def _ranked(y: Array) -> list[float]:
     finite = y[np.isfinite(y)]
     low = float(finite.min() - 1 - np.ptp(finite)) if len(finite) else -1.0
     high = float(finite.max() + 1) if len(finite) else 1.0
-    ranked: list[float] = np.nan_to_num(y, nan=high, neginf=low, posinf=high).tolist()
-    return ranked
+    return list(map(float, np.nan_to_num(y, nan=high, neginf=low, posinf=high)))
 
 
 # ---- analysis

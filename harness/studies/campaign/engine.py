@@ -59,7 +59,7 @@ RunBlocks = Callable[[Any, Iterable[Block]], CompletedBlocks]
 
 
 def processes(workers: int | None) -> int:
-    """Return the number of workers: as given, otherwise one per processor of this machine."""
+    """Return the number of workers: as given, but one per processor for None or 0."""
     return workers or os.cpu_count() or 1
 
 

@@ -29,7 +29,7 @@ LEAST_PROBABILITY = 1e-300
 """Smallest permitted probability that a normally distributed value is inside the limits `within`.
 """
 MAX_VALUES = 1_000_000
-"""Largest number of listed values of one factor."""
+"""Largest number of values of a factor `range`."""
 
 Numbers = Annotated[Number | list[Number], Meta(description="a number or a vector")]
 Vector = Annotated[list[Number], Meta(description="a vector of numbers")]
@@ -63,7 +63,9 @@ class Factor:
 
 
 class Range(Struct, frozen=True):
-    """Equally spaced values: `count` values from `first` to `last`, both included."""
+    """Equally spaced values: `count` values from `first` to `last`, both included; for count = 1
+    only `first`.
+    """
 
     first: Number
     last: Number

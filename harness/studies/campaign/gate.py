@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Conditions on a whole campaign, which determine the exit status of the command: the table
-`[expected]` of its file, and conditions that the user gives by --require, such as
-`lower(success) >= 99 %`.
+"""Conditions on a whole campaign, which determine the exit status of the command: conditions that
+the user gives by --require, such as `lower(success) >= 99 %`, and with --strict the table
+`[expected]` of its file.
 
 A condition is evaluated like a requirement on a time series, but with a row per complete run
 instead of a row per instant. `miss <= 1 m` must hold for the metric `miss` in each run, and
@@ -84,7 +84,7 @@ def _every_run(store: Store, found: Share | None) -> Outcome:
 def _table(store: Store, shares: Mapping[str, Share]) -> Result:
     """Return the metrics of all complete runs as a Result, so that conditions can be evaluated like
     requirements. It has a row per run, whose time is the number of the run, and a column per
-    metric; the shares and their lower bounds are its parameters.
+    metric except `success`; the shares and their lower bounds are its parameters.
     """
     found = summary.metric_columns(store)
     runs = np.flatnonzero((status := store.array("status")) == COMPLETE)

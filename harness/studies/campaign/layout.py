@@ -101,8 +101,8 @@ class Field(NamedTuple):
 
 
 def fields(plan: Plan, task: Task) -> Iterator[Field]:
-    """Yield all arrays of the dataset of a campaign, except for percentile bands, which are created
-    after the last run.
+    """Yield all arrays of the dataset of a campaign, except for percentile bands and their axis
+    `percentile`, which are created after the last run.
     """
     n, kinds, names = plan.runs, task.kinds, task.kinds.columns
     yield Field("status", np.int8, (n,), ("run",), PENDING, STATUS)
@@ -168,8 +168,8 @@ def _texts(name: str, values: Sequence[str], axis: str) -> Field:
 
 
 def wrong_names(table: Table) -> Iterator[str]:
-    """Yield one line per metric, factor or recorded variable whose name cannot be the name of an
-    array, or would be the name of two different arrays.
+    """Yield one line per metric, factor, seed or recorded variable whose name cannot be the name of
+    an array, or would be the name of two different arrays.
     """
     varied, recorded = (*table.factors, *table.seeds), table.recorded
     alike = Counter(normalize("NFKC", name) for name in table.metrics)

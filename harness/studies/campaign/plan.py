@@ -33,7 +33,9 @@ from harness.system.tables import Count, Number, Positive, Text, Whole
 MAX_RUNS = 10_000_000
 """Largest number of runs of one campaign, because the values of all runs are drawn at once."""
 SUCCESS = "success"
-"""Name of the metric that is 1 for a run that succeeded, and 0 for a run that did not."""
+"""Name of the metric that is 1 for a run that succeeded, 0 for a run that did not, and NaN for a
+run without a verdict or without a recorded row.
+"""
 Values = dict[str, Any]
 """Values of all factors of a run by name."""
 
@@ -67,8 +69,8 @@ NAMED = {"swap": Text, "latency": Whole}
 
 class Record(Struct, frozen=True):
     """Table `[record]` of a campaign: variables whose time series are recorded in every run
-    (histories), variables whose percentile bands over all runs are recorded (bands), and about how
-    many rows a time series or band has.
+    (histories), variables whose percentile bands over all runs are recorded (bands), and the
+    largest number of rows of a time series or band, to which the last row of the run may be added.
     """
 
     histories: Texts = []

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Sources of a campaign: all files and packages that influence the results of its runs, apart from
-its table. These are the file of the system and the files that it extends, FMUs, files of parameters
+"""Sources of a campaign: files and packages that influence the results of its runs, apart from its
+table. These are the file of the system and the files that it extends, FMUs, files of parameters
 and start values, Python files of metrics and missions, and packages.
 
 A dataset records the hash or version of each source. A campaign can be resumed only if its sources

@@ -38,7 +38,9 @@ PERCENTILES = np.array([5.0, 25.0, 50.0, 75.0, 95.0])
 """Percentiles of which the recorded bands consist [%]."""
 AXIS = Field("percentile", np.float64, PERCENTILES.shape, ("percentile",), values=PERCENTILES)
 COMPRESSED = 4096
-"""Smallest size of a chunk that is compressed [bytes]; for less, compression is not worth it."""
+"""Smallest size of a chunk of numbers that is compressed, at 8 bytes per number [bytes]; for less,
+compression is not worth it. Texts are always compressed.
+"""
 MAKING = "unfinished_"
 """Prefix of the name of an array that is being written or removed."""
 SCHEMA = 1
@@ -140,10 +142,12 @@ class Store:
         cls, path: Path, plan: Plan, laid: Iterable[Field], life: ExitStack, kind: str = ""
     ) -> Store:
         """Reopen the dataset of an interrupted campaign or study, and set runs whose data are lost
-        to pending. The dataset is locked until the end of `life`.
+        to pending unless the stopping rule has ended the campaign. The dataset is locked until the
+        end of `life`.
 
         laid: arrays that the dataset should have; kind: kind of a study, such as `worst` ("":
-        campaign). Raises UsageError if the definition or a source has changed.
+        campaign). Raises UsageError if the definition or a source has changed, the kind is another
+        one, or the dataset is locked, and ResultsError if it is damaged or cannot be written.
         """
         store = cls.open(path)
         if kind and store.group.attrs.get("kind") != kind:
@@ -201,7 +205,7 @@ class Store:
     def _damaged(self, name: str) -> ResultsError:
         return ResultsError(
             f"{self.path}: array {name} is damaged; "
-            "harness campaign --resume repeats the missing runs"
+            "the command that made it repeats the missing runs with --resume"
         )
 
     @contextmanager

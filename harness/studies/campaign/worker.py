@@ -3,7 +3,8 @@
 returns one Row per run, which is stored in the dataset.
 
 A run that fails gives a Row too, with its message, the time of failure and the last values of all
-variables. The same code runs in the main process and in worker processes.
+variables (NaN if no row was recorded). The same code runs in the main process and in worker
+processes.
 """
 
 from __future__ import annotations
@@ -48,11 +49,12 @@ TOGETHER = 8
 class Row(NamedTuple):
     """Result of one run, as the dataset stores it.
 
-    status: PENDING, COMPLETE or FAILED; message: reason of a failure, or a line per requirement
-    not met or undecided, and per metric without a value; time: time of the last row [s]; last: last
-    values of all variables; metrics: values by name; verdicts, margins: by requirement, as indices
-    of VERDICTS and as distances to failing (-inf for a failed run); histories: recorded time series
-    (rows, elements) by variable, NaN after the end of the run.
+    status: PENDING, COMPLETE or FAILED; message: reason of a failure, or a line per requirement not
+    met or undecided, per metric that raised an error, and for a condition `success` that is not
+    met; time: time of the last row [s]; last: last values of all variables (both may be NaN);
+    metrics: values by name; verdicts, margins: by requirement, as indices of VERDICTS and as
+    distances to failing (-inf for a failed run); histories: recorded time series (rows, elements)
+    by variable, NaN after the end of the run.
     """
 
     status: int
@@ -91,8 +93,8 @@ class Task:
     lanes: bool = True
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the data to send to a worker, without the units and descriptions of variables,
-        which a worker does not need.
+        """Return the data to send to a worker, without the parameters and the units and
+        descriptions of variables, which a worker does not need.
         """
         names = replace(self.kinds, units=(), descriptions=(), parameters=None)
         return {**self.__dict__, "kinds": names}
@@ -112,9 +114,9 @@ class Task:
         return recorded(rows - 1, max(1, -(-rows // self.table.record.rows)))
 
     def in_lanes(self, wanted: bool, notify: Callable[[str], None]) -> Task:
-        """Return the task, with lanes if they are `wanted` and possible: with executor `fused` on a
-        processor with vector registers. notify: called with a line that states how many runs are
-        made at once.
+        """Return the task, with lanes if they are `wanted` and possible: with executor `fused` and
+        a compiler, the C sources and a cache on this machine. notify: called with a line that
+        states how many runs are made at once.
         """
         lanes = wanted and self.table.executor == FUSED and width() > 1
         if lanes:

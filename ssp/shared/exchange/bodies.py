@@ -75,8 +75,8 @@ class Body:
 
 def bodies(names: Bodies, result: Result, name: str | None = None) -> list[Body]:
     """Return the body `name` of a result in a list or, if None, all bodies in names.components;
-    raise UsageError for an unknown name, ResultsError if the result has no body or a body comes
-    closer than EARTH_RADIUS to the origin of N.
+    raise UsageError for an unknown name, ResultsError if the result has no body, lacks the velocity
+    of one, or a body comes closer than EARTH_RADIUS to the origin of N.
     """
     known = names.found(result)
     if name is not None and name not in known:
@@ -154,8 +154,8 @@ def sun_direction(times: NDArray[np.datetime64]) -> Array:
 
 def eclipses(names: Bodies, result: Result) -> list[str]:
     """Return a line, in a list, with the time spans in which the first body of a result is in the
-    shadow of the Earth; [] if the run has no date, no body is in an orbit about the Earth, or the
-    library erfa is missing.
+    shadow of the Earth; [] if the run has no date, a body is not in an orbit about the Earth, or
+    the library erfa is missing.
     """
     epoch = result.provenance.epoch if result.provenance else ""
     if not epoch or not len(result.time):

@@ -42,8 +42,9 @@ AEM = {
 
 def write_oem(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
     """Write the orbit of one body (None: the first) of a result into an .oem file; raise UsageError
-    for an unknown body or an invalid epoch, ResultsError if the result has less than two
-    rows, no body in an orbit about the Earth, or a date out of range. epoch: UTC at t = 0.
+    for an unknown body or an invalid epoch, ResultsError if the result has less than two rows, no
+    body, a body that is not in an orbit about the Earth, or a date out of range. epoch: UTC at
+    t = 0.
     """
     one = bodies(names, result, body)[0]
     data = np.hstack((one.r_N, one.v_N)) / 1000
@@ -55,8 +56,8 @@ def write_oem(names: Bodies, result: Result, path: Path, body: str | None, epoch
 def write_aem(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
     """Write the attitude of one body (None: the first with an attitude) of a result into an .aem
     file; raise UsageError for an unknown body, a body without attitude or an invalid epoch,
-    ResultsError if the result has less than two rows, no body in an orbit about the Earth, or a
-    date out of range. epoch: UTC at t = 0.
+    ResultsError if the result has less than two rows, no body, a body that is not in an orbit about
+    the Earth, or a date out of range. epoch: UTC at t = 0.
     """
     found = bodies(names, result, body)
     one = next((body for body in found if body.q is not None), found[0])

@@ -122,9 +122,7 @@ def _undated() -> Iterator[None]:
 # ---- orbit ephemeris messages
 
 SYSTEMS = ("GPS", "TAI", "TT", "UT1", "UTC")
-"""Time systems of an ephemeris that can be read: those which astropy supports, and GPS, which is
-TAI - 19 s.
-"""
+"""Time systems of an ephemeris that can be read (TDB and others are rejected); GPS: TAI - 19 s."""
 GPS_BEHIND_TAI = 19.0
 _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 

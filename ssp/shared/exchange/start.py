@@ -112,9 +112,9 @@ def _check(component: str, system: System, parameters: Result, names: Bodies) ->
 
 
 def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, float]:
-    """Return, for all bodies that start in the Hill frame of the target, the orbital elements of
-    the target as parameters of these bodies; {} if no target has a file. Raises UsageError if the
-    orbit of the target is open.
+    """Return, for all bodies without a file that start in the Hill frame of the target, the orbital
+    elements of the target as parameters of these bodies; {} if no target has a file. Raises
+    UsageError if there are such bodies and the orbit of the target is open.
     """
     target = _target(parameters, states, names)
     if target is None:
