@@ -91,6 +91,15 @@ def test_what_must_not_be_interpolated_is_discrete(name):
     assert {kinds[v] for v in positions} == {"continuous"}
 
 
+@pytest.mark.parametrize("name", ["los_guidance", "ppc_controller", "pid_controller"])
+def test_every_output_of_a_sampled_model_is_discrete(name):
+    """Also outputs with a point in their name, such as los.range."""
+    found = of_fmi2(root_of(paths.fmus()[name]))
+    outputs = {n: v["variability"] for n, v in found.items() if v["causality"] == "output"}
+    assert any("." in output for output in outputs)
+    assert set(outputs.values()) == {"discrete"}
+
+
 def test_a_mode_has_its_names_limits_and_text():
     found = of_fmi2(root_of(paths.fmus()["mission_manager"]))
     phase, force = found["phase"], found["select_force"]

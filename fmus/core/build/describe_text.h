@@ -184,16 +184,14 @@ static void print_bounds(const Variable *v, double value)
     if (high < DBL_MAX) print_attribute("max", high);
 }
 
-/* true if a row is an output and a variable sample_period has the same prefix, which ends with the
- * last point: none in a model, the component in a fused system ("controller."). An output such as
- * "los.range" has a longer prefix and does not count as sampled. */
+/* true if a row is an output and the model, or its component in a fused system, has a parameter
+ * sample_period: its name is that of the row up to a point (or nothing), and "sample_period". */
 static bool is_sampled(const Variable *v)
 {
-    const char *point = strrchr(v->name, '.');
-    const size_t length = point ? (size_t)(point - v->name) + 1 : 0;
     if (v->causality != OUTPUT_ROW) return false;
     for (size_t i = 0; i < fmu_model.variable_count; i++) {
-        const char *name = fmu_model.variables[i].name;
+        const char *name = fmu_model.variables[i].name, *point = strrchr(name, '.');
+        const size_t length = point ? (size_t)(point - name) + 1 : 0;
         if (strncmp(name, v->name, length) == 0 && strcmp(name + length, "sample_period") == 0)
             return true;
     }
