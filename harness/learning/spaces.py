@@ -238,14 +238,17 @@ class Spaces:
 def _ports(names: Sequence[str]) -> list[tuple[str, str, int]]:
     """Return (name, unit, number of elements) of every variable, without the name of the component.
 
-    names: names of all elements, with units. Raises UsageError for a name that is not valid in C.
+    names: names of all elements, with units. Raises UsageError for a name that is not an
+    identifier, or that variables of two components have.
     """
     found: dict[str, tuple[str, str, int]] = {}
     for text in names:
         name, _, unit = text.rpartition(" ")
-        variable = base(name).partition(".")[2]
-        if not variable.isidentifier() or found.get(variable, (name,))[0] not in (name, variable):
+        whole = base(name)
+        variable = whole.partition(".")[2]
+        others = [found[key][0] for key in found if key != whole]
+        if not variable.isidentifier() or variable in others:
             raise UsageError(f"{name}: must be a unique, valid name in C, the language of a policy")
-        count = found.get(variable, ("", "", 0))[2] + 1
-        found[variable] = variable, unit.strip("[]"), count
+        count = found.get(whole, ("", "", 0))[2] + 1
+        found[whole] = variable, unit.strip("[]"), count
     return list(found.values())

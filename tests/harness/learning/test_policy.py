@@ -7,6 +7,7 @@ import pytest
 from harness import build, compare, environment, run
 from harness.authoring import policy as policies
 from harness.errors import UsageError
+from harness.learning.spaces import _ports
 from tests.close import close
 
 
@@ -73,6 +74,13 @@ def test_networks_that_do_not_fit_are_errors(learned, tmp_path):
         (tmp_path / "bad.npz").write_bytes(content)
         with pytest.raises(UsageError, match="is not a policy"):
             build(tmp_path / "bad.npz")
+
+
+def test_variables_of_two_components_with_one_name_are_no_policy():
+    assert _ports(["a.x[1] [m]", "a.x[2] [m]"]) == [("x", "m", 2)]
+    for names in (["a.x[1] [m]", "a.x[2] [m]", "b.x [rad]"], ["a.1x [m]"]):
+        with pytest.raises(UsageError, match="must be a unique, valid name in C"):
+            _ports(names)
 
 
 @pytest.mark.interop
