@@ -400,7 +400,8 @@ static void command_attitude(const Parameters *p, const Input *u, Output *y, dou
     else y->M_cmd_S = neg(torque);
 }
 
-/* resets the state to its values before the first sample; the gains, its first member, remain */
+/* resets the state to its values before the first sample, except the gains, its first member, and
+ * sets all outputs to 0, with the mode FIRST_PLAN */
 /* N.4-4 */
 static void stay_inactive(State *x, Output *y)
 {

@@ -296,8 +296,9 @@ static void publish_tip(const Parameters *p, const State *x, Output *y)
                   canonical(product(y->base.q_SN, q_ES)), mul(dcm_of_quat(q_ES), motion.w)};
 }
 
-/* sets the outputs of angular momentum and energy about C: h = L_S - c x p, T = u.H u/2 - m
- * v_c^2/2, from the momenta p, L_S about S and the velocity v_c = p/m of C relative to S */
+/* sets the outputs of angular momentum and energy about C: h = L_S - c x p + A_w Omega in N axes,
+ * T = u.H u/2 - m v_c^2/2 with the wheels locked, from the momenta p, L_S about S and the velocity
+ * v_c = p/m of C relative to S; Omega: wheel speeds */
 static void publish_momentum(const Parameters *p, const Vehicle *now, Output *y)
 {
     int joints = (int)now->tree.joints;

@@ -102,7 +102,7 @@ PatienceOption = Annotated[
 ExecutorOption = Annotated[
     Text, option("", "Run by c, python (for debugging) or fused (compiled): equal results")
 ]
-QuietOption = Annotated[bool, option("--quiet -q", "Print no progress bar and no summary")]
+QuietOption = Annotated[bool, option("--quiet -q", "Print no progress bar, notes and summary")]
 
 CHANGES: dict[str, Any] = {
     "params": Annotated[Text, option("SET_OR_FILE", "Use a parameter set, .toml or .ssv")],

@@ -70,7 +70,9 @@ def _identity(d: Description) -> Iterator[str]:
 
 
 def _experiment(d: Description) -> Iterator[str]:
-    """Check that the default experiment has finite times and positive steps."""
+    """Check that the default experiment has finite times, a positive step and tolerance, and a stop
+    time after its start time.
+    """
     for e in d.every("DefaultExperiment"):
         for name, text in e.attrib.items():
             positive = name in ("stepSize", "tolerance")

@@ -163,10 +163,7 @@ def _of_fmu(name: str | Path, changes: Changes) -> Shown:
             "a component is named SYSTEM.component"
         )
     if changes:
-        raise UsageError(
-            f"--{next(iter(changes))}: is valid only for a system; {name} is an FMU, not "
-            "SYSTEM.component"
-        )
+        raise UsageError(f"--{next(iter(changes))}: is valid only for a system, not the FMU {name}")
     interface = read_interface(path)
     rows = (s._replace(value=None) for s in _signals(interface, {}, {}))
     return Shown(_title(interface.path.name, interface.model.description), tuple(rows))

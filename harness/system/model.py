@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Co-simulated system as plain data: exactly the content of an .ssp.
+"""Co-simulated system as plain data: the content of an .ssp, and what an .ssp does not contain: its
+source with the changes made to it, components left open, and the entries of `[start]`.
 
 All classes are immutable. dataclasses.replace() makes a variant of a system.
 """

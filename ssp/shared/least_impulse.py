@@ -99,7 +99,9 @@ class Answer:
     verified: Result
     cost: str
     spent: float
-    """Impulse that the run has spent [N s]: of Bound.spent, else by `cost` as the optimum."""
+    """Impulse of the run [N s]: the value of the function Bound.spent if the mission has one, else
+    the integral of the size of the force, by `cost` as for the optimum.
+    """
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the report: the impulse of the run divided by the least impulse; the

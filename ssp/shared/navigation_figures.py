@@ -29,7 +29,7 @@ from .estimates import (
 )
 
 AVERAGED = 50
-"""Number of successive measurements over which the innovation is averaged."""
+"""Largest number of successive measurements whose normalised squared innovations are averaged."""
 BAND = 3
 """Half width of a band in standard deviations."""
 

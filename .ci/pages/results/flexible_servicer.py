@@ -52,7 +52,7 @@ def alarmed(result: Any) -> str:
 
 def in_systems() -> str:
     """Return a table of the effect of panels and slosh, system by system."""
-    shift = Column("C from S, largest [m]", "max(norm(servicer.r_CS_S))", "{:.2g}")
+    shift = Column("centre of mass from S, largest [m]", "max(norm(servicer.r_CS_S))", "{:.2g}")
     return of_runs("system", SYSTEMS, [*VIBRATION, Column("slosh alarm", alarmed), shift])
 
 

@@ -184,8 +184,9 @@ static void print_bounds(const Variable *v, double value)
     if (high < DBL_MAX) print_attribute("max", high);
 }
 
-/* true if a row is an output and the model, or its component in a fused system, has a parameter
- * sample_period: its name is that of the row up to a point (or nothing), and "sample_period". */
+/* true if a row is an output, and the model (in a fused system the component of the row) has a
+ * parameter sample_period. In the names of both, the part up to the last point of this parameter's
+ * name is the same, or there is no point in it. */
 static bool is_sampled(const Variable *v)
 {
     if (v->causality != OUTPUT_ROW) return false;

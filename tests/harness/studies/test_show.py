@@ -122,7 +122,7 @@ def test_the_limits_of_a_type_count_for_its_variables(folder, fmus):
         (["pair.ssp.tow"], "pair has no component tow (close: to)"),
         (["gian"], "gian: there is no such system or FMU (close: gain)"),
         (["pair.ssp.to", "zzz"], "zzz: no name or description contains this word"),
-        (["gain", "--params", "hot"], "--params: is valid only for a system; gain is an FMU"),
+        (["gain", "--params", "hot"], "--params: is valid only for a system, not the FMU gain"),
         (["pair.ssp.to", "--set", "to.M.bisa=1"], "--set to.M.bisa: there is no such variable"),
     ],
 )
