@@ -104,16 +104,25 @@ def documented(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield node.lineno, str(node.value.value)
 
 
+PLACES = {"option": 1, "argument": 1, "output": 0}
+"""Position of the help text among the arguments of the functions that declare options."""
+
+
 def helps(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Yield line and text of the help texts of a module of the command line that are constants in
-    `help=...`, and of the docstrings of commands.
+    """Yield line and text of the help texts of a module of the command line that are constants, and
+    of the docstrings of commands.
     """
     for node in ast.walk(tree):
+        text: ast.AST | None = None
         if isinstance(node, ast.keyword) and node.arg == "help":
-            if isinstance(node.value, ast.Constant):
-                yield node.value.lineno, str(node.value.value)
+            text = node.value
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            place = PLACES.get(node.func.id, len(node.args))
+            text = node.args[place] if place < len(node.args) else None
         elif isinstance(node, ast.FunctionDef) and node.name.endswith("_command"):
             yield node.lineno, ast.get_docstring(node) or ""
+        if isinstance(text, ast.Constant):
+            yield text.lineno, str(text.value)
 
 
 def tracked() -> list[str]:

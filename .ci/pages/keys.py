@@ -48,11 +48,11 @@ SYSTEM: Keys = {
         "every": ("whole number", "Record every N-th macro step; default 1"),
         "epoch": ("date", "UTC of t = 0: direction to the Sun, dates of the result"),
     },
-    "schedule": {
+    "schedule.COMPONENT": {
         "every": ("whole number", "Step the component every N macro steps; default 1"),
         "latency": ("whole number", "Delay its outputs by N macro steps; default 0"),
     },
-    "set": {
+    "sets.NAME": {
         "description": ("text", "One line for `harness list`"),
         "experiment": ("table", "Time span and macro step of this parameter set"),
     },
@@ -63,11 +63,11 @@ SYSTEM: Keys = {
         "sliders": ("table", "Parameters and their ranges, `\"servicer.mass_0\" = [80, 130]`; "
                     "`[]`: range of the FMU"),
     },
-    "set experiment": {
+    "sets.NAME.experiment": {
         "stop": ("number", "Stop time [s]"),
         "step": ("number", "Macro step [s]"),
     },
-    "alternatives": {
+    "alternatives.FMU": {
         "replaces": ("text", "Component that the FMU replaces"),
     },
 }  # fmt: skip
@@ -109,7 +109,7 @@ CAMPAIGN: Keys = {
         "algorithm": ("text", "`gauss-seidel` or `jacobi`"),
         "epoch": ("text", "UTC of t = 0"),
     },
-    "factors": {
+    "factors.NAME": {
         "list": ("list", "Listed values"),
         "range": ("table", "`first`, `last`, `count`: equally spaced listed values"),
         "normal": ("table", "`mean`, `sigma` or `covariance`, `within`"),
@@ -158,7 +158,7 @@ def page(title: str, keys: Keys, text: str) -> str:
     parts = [f"# {title}\n", text]
     for name, entries in keys.items():
         heading = "Top level" if not name else f"`[{name}]`"
-        parts.append(f"## {heading.replace('set experiment', 'sets.NAME.experiment')}\n")
+        parts.append(f"## {heading}\n")
         rows = [(f"`{key}`", kind, meaning) for key, (kind, meaning) in entries.items()]
         parts.append(table(("Key", "Value", "Meaning"), rows))
     return "\n".join(parts)

@@ -72,8 +72,9 @@ def test_every_command_has_a_page_with_all_of_its_options(commands, capsys):
 def test_every_key_of_a_system_is_in_the_reference_and_no_other(writer):
     ours = {name: set(entries) for name, entries in writer["keys"].SYSTEM.items()}
     tables = {
-        "": build.Source, "experiment": build.Time, "schedule": build.Timing, "set": build.Set,
-        "set experiment": build.SetTime, "alternatives": build.Replacement,
+        "": build.Source, "experiment": build.Time, "schedule.COMPONENT": build.Timing,
+        "sets.NAME": build.Set, "sets.NAME.experiment": build.SetTime,
+        "alternatives.FMU": build.Replacement,
         "compare": build.Compared, "live": build.Live,
     }  # fmt: skip
     assert ours == {name: set(kind.__struct_fields__) for name, kind in tables.items()}
@@ -84,7 +85,7 @@ def test_every_key_of_a_campaign_is_in_the_reference_and_no_other(writer):
     assert ours == {
         "": set(plan.Table.__struct_encode_fields__),
         "fixed": set(plan.Fixed.__struct_encode_fields__),
-        "factors": set(factors.Varied.__struct_encode_fields__),
+        "factors.NAME": set(factors.Varied.__struct_encode_fields__),
         "record": set(plan.Record.__struct_encode_fields__),
         "sensitivity": set(sensitivity.Sensitivity.__struct_fields__),
         "worst": set(worst.Worst.__struct_fields__),

@@ -105,3 +105,11 @@ def test_the_hook_reads_the_first_line_of_a_message(subjects, tmp_path, capsys):
 
 def test_all_commits_since_the_rule_follow_it(subjects):
     assert subjects.main() == 0
+
+
+def test_help_texts_by_position_begin_with_a_capital(words):
+    tree = ast.parse(
+        'a = option("--key K", "its key")\nb = output("where")\nc = argument("N", text)\n'
+    )
+    assert sorted(words.helps(tree)) == [(1, "its key"), (2, "where")]
+    assert len(list(words.in_python("harness/cli/a.py", tree))) == 2
