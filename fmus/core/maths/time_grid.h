@@ -13,7 +13,8 @@
 
 #include "exact.h"
 
-/* largest rounding error of a quotient of times whose exact value is a whole number */
+/* tolerance, against rounding errors, of comparisons of a quotient of times with a whole number;
+ * absolute, or relative where the code multiplies it by a quotient or a period */
 #define ROUNDED_OFF 1e-9
 
 static const double most_grid_steps = 9007199254740992.0; /* 2^53 */

@@ -215,8 +215,9 @@ def begun(
 
 
 def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
-    """Notify the user of each requirement that the nominal run does not meet; raise UsageError if a
-    requirement has no verdict in the nominal run. of: column of each requirement among the margins.
+    """Notify the user of each requirement that the nominal run does not meet; raise UsageError if
+    the nominal run does not exercise one, or it cannot be evaluated. of: column of each requirement
+    among the margins.
     """
     for name, k in of.items():
         margin = driver.nominal[k]
