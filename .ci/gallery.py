@@ -149,8 +149,8 @@ SCENES = (
         "servicing_mission",
         "harness run servicing_mission",
         {
-            "escapes": "Closing beside the zone; drifts of an hour after an abort, with the tube "
-            "of all errors within their bounds."
+            "escapes": "Closing beside the zone; drifts of an hour after an abort, with "
+            "circles of the largest displacement towards the target by errors within their bounds."
         },
         ONE,
         10,

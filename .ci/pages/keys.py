@@ -86,7 +86,7 @@ CAMPAIGN: Keys = {
         "worst": ("text or table", "Metric that ranks the worst runs; `-NAME`: smallest first; "
                   "as a table, the study `harness worst`"),
         "until": ("table", "Instead of `runs`: end when the share `success` of successful runs is "
-                  "shown or disproved with `confidence`; or `fixed` or at most `most` runs"),
+                  "shown or not, with `confidence`; or `fixed` or at most `most` runs"),
         "requirements": ("table", "Further requirements, by name"),
         "sensitivity": ("table", "Study `harness sensitivity`"),
         "coordinates": ("whole number", "Written by a study: number of standard "

@@ -40,7 +40,7 @@ StudyArgument = Annotated[
 class How:
     """Options of campaigns and analyses: output, workers and display."""
 
-    output: Annotated[Path | None, output("Dataset to write (default: .zarr in results)")] = None
+    output: Annotated[Path | None, output("Dataset to write (default: in results/)")] = None
     workers: Annotated[
         int | None, option("", "Use N workers (default: one per processor; 0: this process)")
     ] = None

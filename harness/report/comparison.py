@@ -85,14 +85,14 @@ def side_by_side(
 
 
 def _results(folder: Path, labels: list[str]) -> dict[str, Result]:
-    """Return the results of a comparison by label: the complete or the partial result of a run,
-    whichever is newer; raise ResultsError if there are no results.
+    """Return the results of a comparison by label; raise ResultsError if there are none. A partial
+    result takes precedence over a complete one, since a complete run removes it.
     """
     found = {}
     for variant in with_files([Variant(label, {}) for label in labels]):
-        files = [folder / f"{variant.file}{ending}" for ending in (".nc", ".partial.nc")]
-        if there := [file for file in files if file.is_file()]:
-            found[variant.label] = read(max(there, key=lambda file: file.stat().st_mtime_ns))
+        files = (folder / f"{variant.file}{ending}" for ending in (".partial.nc", ".nc"))
+        if file := next((f for f in files if f.is_file()), None):
+            found[variant.label] = read(file)
     if not found:
         raise ResultsError(f"{folder}: contains none of the results that {TABLE} lists")
     return found

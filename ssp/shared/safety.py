@@ -130,10 +130,11 @@ def _navigation(p: Parameter) -> str:
 
 
 def _escape(p: Parameter) -> str:
-    radius, approaching = p("escape_radius")
+    phases = ("before the final approach", "while approaching")
+    radii = [f"{r:g} m {phase}" for r, phase in zip(p("escape_radius"), phases, strict=True) if r]
     return (
-        f"after an abort ordered at any time the servicer stays outside {radius:g} m "
-        f"({approaching:g} m if ordered while approaching) for {p('escape_time'):g} s"
+        f"after an abort the servicer stays outside a radius for {p('escape_time'):g} s: "
+        f"{', '.join(radii)}"
     )
 
 

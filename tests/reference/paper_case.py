@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parameter values of the paper's case (ssp/sync_approach.toml)."""
+"""Parameter values of the paper's case (ssp/sync_approach/system.toml)."""
 
 from __future__ import annotations
 

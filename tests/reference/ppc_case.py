@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The scenario of ssp/ppc_tracking.toml, and its closed loop with a zero-order hold as one program.
+"""The scenario of ssp/ppc_tracking/system.toml, and its closed loop with a zero-order hold as one
+program.
 
 Force and torque are held in servicer axes over one sample. Row k of a history holds the plant
 states at t_k and what the software computed at t_k-1; row 0 holds the laws at the initial states.

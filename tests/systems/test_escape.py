@@ -23,7 +23,9 @@ def begun():
 
 
 def test_drifts_of_the_figure_match_the_matrix_exponential(begun):
-    """Drawn errors have the least ranges of the reference; the tube contains their paths."""
+    """Drawn errors have the least ranges of the reference; none moves farther towards the
+    target than the radius of its circle.
+    """
     rho, drho, rate = escapes.hill_states(begun)
     assert rho[0] == pytest.approx((100, -500, 0), abs=1e-6)
     assert drho[0] == pytest.approx((0, 0, 0), abs=1e-9)

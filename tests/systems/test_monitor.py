@@ -186,6 +186,6 @@ def test_limits_of_the_rules_are_stated_as_they_are_in_force():
         "at most 10 s with a state that disagrees with the independent range"
     )
     assert texts["escape"] == (
-        "after an abort ordered at any time the servicer stays outside 12 m "
-        "(1.5 m if ordered while approaching) for 3600 s"
+        "after an abort the servicer stays outside a radius for 3600 s: "
+        "12 m before the final approach, 1.5 m while approaching"
     )

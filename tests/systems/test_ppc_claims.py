@@ -3,10 +3,10 @@
 band, verdict.
 
 The paper prints neither the initial states nor the gains of any controller. The values of
-ssp/ppc_tracking.toml are used, so a reproduced value shows that the claim can be met, not that
-these were the authors' numbers. One claim is about computing time and so none for a test: "theta-D
-takes much time and cannot be used on line"; `harness compare` shows it to cost some microseconds
-per sample more than the others.
+ssp/ppc_tracking/system.toml are used, so a reproduced value shows that the claim can be met, not
+that these were the authors' numbers. One claim is about computing time and so none for a test:
+"theta-D takes much time and cannot be used on line"; `harness compare` shows it to cost some
+microseconds per sample more than the others.
 """
 
 from __future__ import annotations

@@ -87,7 +87,6 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     every run must succeed; progress: called after every block; notify: called with each note for
     the user.
 
-    Guard a script that calls campaign() by `if __name__ == "__main__":`, because workers import it.
     Raises before the first run UsageError, or StructureError with all problems of the table. Raises
     ResultsError if the dataset cannot be written, and after the last run RequirementError if a
     condition is not met, the success of a run could not be evaluated or a source file has changed;

@@ -14,7 +14,8 @@ from harness import run
 from harness.errors import ArchiveError, StructureError
 from harness.files.archive import unpack
 from harness.ssp import reader as ssp
-from harness.ssp.parameters import read_ssv
+from harness.ssp.parameters import bare_ssv, read_ssv
+from harness.system.model import Parameter
 
 SSD = """<?xml version="1.0" encoding="UTF-8"?>
 <d:SystemStructureDescription version="1.0" name="third_party"
@@ -284,6 +285,14 @@ def test_parameters_of_all_types_are_read(tmp_path):
         "t": "word",
     }
     assert read["r"].unit == "m"
+
+
+@pytest.mark.parametrize("value", [True, 2.5, "word"])
+def test_a_parameter_of_an_alternative_is_read_as_it_was_given(tmp_path, value):
+    path = tmp_path / "x.ssv"
+    path.write_bytes(bare_ssv("x", {"own": Parameter(value)}, 1))
+    assert read_ssv(path)["own"].value == value
+    assert type(read_ssv(path)["own"].value) is type(value)
 
 
 def test_a_private_folder_of_the_reader_is_not_the_callers_problem(write, monkeypatch):

@@ -18,6 +18,7 @@ from harness.cli.app import main
 from harness.errors import StructureError, UsageError
 from harness.figures import plots
 from harness.mission import Curve, Figure, Panel
+from harness.report.comparison import _results
 from harness.results.files import ResultFile, read
 from harness.results.requirements import Finding
 from harness.results.result import Result
@@ -112,6 +113,8 @@ def test_results_of_an_earlier_comparison_are_not_taken_for_results_of_a_crashed
     assert list(found.results) == ["crashing", "gain"]
     assert len(found.results["crashing"].time) == 1
     assert (tmp_path / "out" / "crashing.nc").read_bytes() == old
+    shown = _results(tmp_path / "out", ["crashing", "gain"])
+    assert [len(result.time) for result in shown.values()] == [1, len(found.results["gain"].time)]
 
 
 @pytest.mark.parametrize(
