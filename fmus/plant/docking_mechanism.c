@@ -328,11 +328,8 @@ static void clear_loads(State *x, Output *y)
 static int is_far(const Parameters *p, const State *x, const PortState *s, double h)
 {
     int idle = x->now.entry.phase == FREE || x->now.entry.phase == BROKEN;
-    const Port *c = &p->port;
     double r = sqrt(s->e.y * s->e.y + s->e.z * s->e.z), path = 4 * h * norm(s->u);
-    double outside = larger(s->e.x, r - c->face_radius);
-    double behind = -s->e.x - c->cone_depth - c->depth_max;
-    return idle && larger(outside, behind) > 0.1 + path;
+    return idle && larger(s->e.x, r - p->port.face_radius) > 0.1 + path;
 }
 
 /* length of a step: the multiple of max_step that equals h within the tolerance of the grid,
